@@ -1,0 +1,46 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Each target works on a fresh clone and says what it does. The work is in scripts/.
+
+SHELL := /bin/bash
+PYTHON := .venv/bin/python
+
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test test-numpy1 lint format bench colcon clean
+
+help:  ## show this list
+	@sed -n 's/^\([a-z0-9-]*\):.*  ## \(.*\)/  make \1|\2/p' Makefile | column -t -s '|' 2>/dev/null \
+	  || grep '  ## ' Makefile
+
+setup:  ## make .venv with everything in it (a second time: nothing to do)
+	@scripts/setup.sh
+
+demo: setup  ## record, learn, monitor and train with real nodes, in under 5 minutes
+	@.venv/bin/occ demo
+
+test: setup  ## all tests but the slow ones
+	@$(PYTHON) -m pytest
+
+test-numpy1:  ## the same with NumPy 1.26, which ROS 2 Jazzy ships, in .venv-numpy1
+	@scripts/setup.sh --venv .venv-numpy1 --pins requirements/pins-numpy1.txt
+	@.venv-numpy1/bin/python -m pytest
+
+lint: setup  ## check Python, shell, Docker and YAML files
+	@scripts/lint.sh
+
+format: setup  ## rewrite Python files the way lint wants them
+	@.venv/bin/ruff check --fix
+	@.venv/bin/ruff format
+
+bench: setup  ## measure the loop of sim, monitor and learner
+	@.venv/bin/occ bench loop --json
+
+colcon: setup  ## build ros2_ws with colcon and start one node out of its install tree
+	@scripts/colcon.sh
+
+clean:  ## remove environments and everything that was built
+	rm -rf .venv .venv-numpy1 .venv-colcon ros2_ws/build ros2_ws/install ros2_ws/log
+	rm -rf .pytest_cache .ruff_cache .hypothesis src/occ_constraints_pkg/build \
+	  src/occ_constraints_pkg/*.egg-info
+	find src tests -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,70 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Start the monitor, which checks the rules of a constraints file on live topics."""
+
+from launch import LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument, GroupAction, OpaqueFunction
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import Node, PushROSNamespace, SetParameter
+from launch_ros.substitutions import FindPackageShare
+
+PACKAGE = 'occ_constraints_pkg'
+
+
+def start_monitor(context: LaunchContext) -> list[Node]:
+    """Return the node; an argument that was left empty does not hide the parameter file's value."""
+    parameters = [LaunchConfiguration('params_file')]
+    constraints_file = LaunchConfiguration('constraints_file').perform(context)
+    if constraints_file:
+        parameters.append({'constraints_file': constraints_file})
+    return [
+        Node(
+            package=PACKAGE,
+            executable='monitor',
+            name='monitor',
+            output='screen',
+            parameters=parameters,
+            arguments=['--ros-args', '--log-level', LaunchConfiguration('log_level')],
+        )
+    ]
+
+
+def generate_launch_description() -> LaunchDescription:
+    """Return the description that ROS 2 launch asks for."""
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument(
+                'namespace', default_value='', description='Namespace of the node and its topics.'
+            ),
+            DeclareLaunchArgument(
+                'use_sim_time',
+                default_value='false',
+                description='Take the time from /clock: true or false.',
+            ),
+            DeclareLaunchArgument(
+                'params_file',
+                default_value=PathJoinSubstitution(
+                    [FindPackageShare(PACKAGE), 'config', 'params.yaml']
+                ),
+                description='YAML file with the parameters of the node.',
+            ),
+            DeclareLaunchArgument(
+                'constraints_file',
+                default_value='',
+                description='Constraints file to check; empty: the one that params_file names, '
+                'or else the one that arrives on the topic constraints.',
+            ),
+            DeclareLaunchArgument(
+                'log_level',
+                default_value='info',
+                description='Least level to log: debug, info, warn, error or fatal.',
+            ),
+            GroupAction(
+                [
+                    PushROSNamespace(LaunchConfiguration('namespace')),
+                    SetParameter('use_sim_time', LaunchConfiguration('use_sim_time')),
+                    OpaqueFunction(function=start_monitor),
+                ]
+            ),
+        ]
+    )

@@ -1,0 +1,106 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""How well a policy does: return, cost and length of fresh episodes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import stdtrit
+
+from occ_constraints_pkg.agents.training import CostSource, TrueCost
+from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.worlds.base import World
+from occ_constraints_pkg.worlds.stream import EpisodeStream
+
+
+def half_width(values: np.ndarray) -> float:
+    """Half the width of the 95 % confidence interval of the mean, after Student's t.
+
+    Args:
+        values: (n,) independent numbers.
+
+    Returns:
+        The half width; NaN for fewer than two values.
+    """
+    n = len(values)
+    if n < 2:
+        return float('nan')
+    return float(stdtrit(n - 1, 0.975) * np.std(values, ddof=1) / np.sqrt(n))
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """What each episode brought.
+
+    Attributes:
+        returns: (E,) float64, undiscounted sum of rewards.
+        costs: (E,) float64, sum of costs of the states reached by a step.
+        lengths: (E,) int64, steps.
+    """
+
+    returns: np.ndarray
+    costs: np.ndarray
+    lengths: np.ndarray
+
+    def as_dict(self) -> dict[str, float]:
+        """Return means and the half widths of their 95 % intervals, flat."""
+        return {
+            'episodes': len(self.returns),
+            'return': float(np.mean(self.returns)),
+            'return_ci95': half_width(self.returns),
+            'cost': float(np.mean(self.costs)),
+            'cost_ci95': half_width(self.costs),
+            'length': float(np.mean(self.lengths)),
+        }
+
+
+def evaluate(
+    world: World,
+    act: Callable[[np.ndarray], np.ndarray],
+    *,
+    episodes: int,
+    seed: int,
+    cost_source: CostSource | None = None,
+) -> Evaluation:
+    """Run fresh episodes and sum up what they bring.
+
+    The first episodes of every robot are taken, as many of each as of any other (one more of the
+    first robots where the number does not divide): taking whichever end first would favour the
+    short ones.
+
+    Args:
+        world: the task.
+        act: maps an observation (N, k) to an action (N, a), for example ``policy.act``.
+        episodes: number of episodes E, at least 1.
+        seed: of the world's generators.
+        cost_source: tells the cost of each state; the world's own where ``None``.
+
+    Raises:
+        OccError: ``episodes`` is below 1.
+    """
+    if episodes < 1:
+        raise OccError(f'evaluation got episodes = {episodes}; allowed is 1 or more')
+    cost_source = cost_source or TrueCost()
+    n = world.num_envs
+    robot = np.arange(n)
+    returns, costs = np.zeros(episodes), np.zeros(episodes)
+    lengths = np.zeros(episodes, dtype=np.int64)
+    finished = np.zeros(episodes, dtype=bool)
+    stream = EpisodeStream(world, seed=seed)
+    batch = stream.reset()
+    cost_source(batch)
+    while not finished.all():
+        was_done = batch.done
+        batch = stream.step(act(batch.observation))
+        cost = cost_source(batch)
+        slot = batch.episode * n + robot
+        real = ~was_done & (slot < episodes)
+        slot = slot[real]
+        returns[slot] += batch.reward[real]
+        costs[slot] += cost[real]
+        lengths[slot] += 1
+        finished[slot] = batch.done[real]
+    return Evaluation(returns, costs, lengths)

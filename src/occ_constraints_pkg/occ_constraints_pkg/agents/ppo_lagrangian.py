@@ -1,0 +1,648 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""PPO with a Lagrange multiplier on the cost of an episode, fed one step of many robots at a time.
+
+The objective is to maximise the expected return subject to an expected cost per episode of at most
+``cost_limit`` (Ray, Achiam and Amodei 2019, section 5.1; PPO: Schulman et al. 2017; advantages:
+Schulman et al. 2016). The learner neither steps a world nor asks for a cost: it is told both by
+its caller, so that the same class serves a plain loop and a ROS node.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import pickle
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from occ_constraints_pkg.agents.policy import GaussianPolicy, column_names
+from occ_constraints_pkg.agents.rollout import Episodes, Normaliser, Rollout, advantages
+from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.worlds.base import Column
+from occ_constraints_pkg.worlds.stream import StepBatch
+
+try:
+    import torch
+    from torch import nn
+except ImportError as err:
+    raise OccError(
+        "training needs the package torch, which is missing; it comes with the extra 'train': "
+        "pip install 'occ_constraints_pkg[train]'"
+    ) from err
+
+_FORMAT = 'occ_constraints checkpoint 1'
+
+
+@dataclass(frozen=True)
+class PPOLagrangianConfig:
+    """The learner's settings; the defaults suit some 64 to 256 robots on a CPU.
+
+    Attributes:
+        lagrangian: ``False`` ignores the cost altogether: unconstrained PPO.
+        cost_limit: allowed mean cost per episode, 0 or more.
+        multiplier_init: Lagrange multiplier at the start, 0 or more.
+        multiplier_lr: Adam's step size for the multiplier, per update.
+        rollout_steps: steps of each robot between updates.
+        passes: most passes over a rollout per update.
+        minibatch: transitions per gradient step.
+        actor_lr: Adam's step size for the policy.
+        critic_lr: Adam's step size for both critics.
+        gamma: discount per step, of reward and cost alike.
+        lam: GAE's lambda, of reward and cost alike.
+        clip: bound on the change of the probability ratio.
+        target_kl: an update ends after the pass in which the mean divergence of the new policy
+            from the old exceeds this.
+        max_grad_norm: bound on the gradient's norm, for each network on its own.
+        hidden: width of each hidden tanh layer, of all three networks.
+        log_std_init: logarithm of the policy's initial standard deviation.
+        observation_clip: bound on the normalised observation.
+        window: number of the last finished episodes over which means are taken.
+        device: where updates are computed, ``cpu`` or ``cuda``; acting always uses the CPU.
+        threads: CPU threads of torch, for the whole process. One is fastest whenever anything else
+            wants the cores, for threads wait for one another at every small layer.
+    """
+
+    lagrangian: bool = True
+    cost_limit: float = 25.0
+    multiplier_init: float = 0.001
+    multiplier_lr: float = 0.05
+    rollout_steps: int = 256
+    passes: int = 5
+    minibatch: int = 4096
+    actor_lr: float = 1e-3
+    critic_lr: float = 1e-3
+    gamma: float = 0.99
+    lam: float = 0.95
+    clip: float = 0.2
+    target_kl: float = 0.02
+    max_grad_norm: float = 1.0
+    hidden: tuple[int, ...] = (64, 64)
+    log_std_init: float = 0.0
+    observation_clip: float = 5.0
+    window: int = 100
+    device: str = 'cpu'
+    threads: int = 1
+
+    def __post_init__(self) -> None:
+        """Refuse settings outside their range.
+
+        Raises:
+            OccError: the first such setting.
+        """
+        for name in ('cost_limit', 'multiplier_init', 'multiplier_lr'):
+            self._require(name, getattr(self, name) >= 0, '0 or more')
+        for name in ('rollout_steps', 'passes', 'minibatch', 'window', 'threads'):
+            self._require(name, getattr(self, name) >= 1, '1 or more')
+        for name in (
+            'actor_lr',
+            'critic_lr',
+            'clip',
+            'target_kl',
+            'max_grad_norm',
+            'observation_clip',
+        ):
+            self._require(name, getattr(self, name) > 0, 'above 0')
+        for name in ('gamma', 'lam'):
+            self._require(name, 0 <= getattr(self, name) <= 1, 'from 0 to 1')
+        self._require('hidden', all(width >= 1 for width in self.hidden), 'widths of 1 or more')
+
+    def _require(self, name: str, holds: bool, allowed: str) -> None:
+        if not holds:
+            raise OccError(
+                f'learner setting {name} is {getattr(self, name)!r}; allowed is {allowed}'
+            )
+
+
+@dataclass(frozen=True)
+class TrainingMetrics:
+    """How training stood after an update; a mean over no episodes at all is NaN.
+
+    Attributes:
+        steps: transitions learned from, summed over robots.
+        updates: updates made.
+        episodes: episodes finished.
+        mean_return: mean undiscounted return of the last ``window`` episodes.
+        mean_cost: their mean cost.
+        mean_length: their mean number of steps.
+        cost_rate: mean cost per step in the rollout just learned from.
+        multiplier: the Lagrange multiplier used.
+        kl: mean divergence of the new policy from the old, measured during the last pass.
+        passes: passes made before it was reached.
+        entropy: of the policy, in nats.
+        policy_loss: mean over the last pass.
+        value_loss: mean squared error of the reward critic over the last pass.
+        cost_value_loss: mean squared error of the cost critic over the last pass.
+        steps_per_s: transitions per second of wall time since the update before.
+        update_s: seconds that this update took.
+    """
+
+    steps: int
+    updates: int
+    episodes: int
+    mean_return: float
+    mean_cost: float
+    mean_length: float
+    cost_rate: float
+    multiplier: float
+    kl: float
+    passes: int
+    entropy: float
+    policy_loss: float
+    value_loss: float
+    cost_value_loss: float
+    steps_per_s: float
+    update_s: float
+
+    def as_dict(self) -> dict[str, float]:
+        """Return the metrics by name, in the order above."""
+        return asdict(self)
+
+
+class PPOLagrangian:
+    """The learner: tell it each step of a stream, and it answers with the next action.
+
+    Attributes:
+        config: its settings.
+        columns: names of the observation columns.
+        action_columns: names of the action columns.
+        world_name: the world that its policies are made for.
+        steps: transitions learned from or collected, summed over robots.
+        updates: updates made.
+        metrics: of the last update; ``None`` before the first.
+    """
+
+    def __init__(
+        self,
+        config: PPOLagrangianConfig,
+        columns: Sequence[Column | str],
+        action_columns: Sequence[Column | str],
+        world_name: str,
+        seed: int,
+    ) -> None:
+        """Make a learner with fresh networks.
+
+        Args:
+            config: the settings.
+            columns: the observation's columns.
+            action_columns: the action's columns.
+            world_name: stored in policy files.
+            seed: of the networks' first weights, of exploration and of minibatches.
+
+        Raises:
+            OccError: the device is not there.
+        """
+        self.config = config
+        self.columns = column_names(columns)
+        self.action_columns = column_names(action_columns)
+        self.world_name = world_name
+        self.steps = 0
+        self.updates = 0
+        self.metrics: TrainingMetrics | None = None
+        # All chance comes from this one generator, so that a checkpoint need hold no other state
+        # and CPU and GPU draw alike.
+        self._rng = np.random.default_rng(seed)
+        self._device = _device(config.device)
+        torch.set_num_threads(config.threads)
+        k, a = len(self.columns), len(self.action_columns)
+        self._actor = _mlp((k, *config.hidden, a), 0.01, self._rng)
+        self._critic = _mlp((k, *config.hidden, 1), 1.0, self._rng)
+        self._cost_critic = _mlp((k, *config.hidden, 1), 1.0, self._rng)
+        self._actor.register_parameter(
+            'log_std', nn.Parameter(torch.full((a,), float(config.log_std_init)))
+        )
+        self._networks = nn.ModuleDict(
+            {'actor': self._actor, 'critic': self._critic, 'cost_critic': self._cost_critic}
+        ).to(self._device)
+        critics = [*self._critic.parameters(), *self._cost_critic.parameters()]
+        self._optimiser = torch.optim.Adam(
+            [
+                {'params': list(self._actor.parameters()), 'lr': config.actor_lr},
+                {'params': critics, 'lr': config.critic_lr},
+            ],
+            fused=True,
+        )
+        self._multiplier = nn.Parameter(torch.tensor(float(config.multiplier_init)))
+        self._multiplier_optimiser = torch.optim.Adam([self._multiplier], lr=config.multiplier_lr)
+        self._normaliser = Normaliser(k)
+        self._policy = self.policy()
+        self._rollout: Rollout | None = None
+        self._episodes: Episodes | None = None
+        self._open = False
+        self._last_done: np.ndarray | None = None
+        self._clock = time.perf_counter()
+        self._steps_then = 0
+
+    # --- one step ---------------------------------------------------------------------------
+
+    def act(self, batch: StepBatch, cost: np.ndarray) -> np.ndarray:
+        """Learn what the last action led to, and choose the next.
+
+        Updates the policy first when the rollout is full. A call that raises changes nothing.
+
+        Args:
+            batch: the states just reached, the successors of those of the call before unless
+                :meth:`interrupt` came between.
+            cost: (N,) cost of those states, 0 or 1 (ignored where a state is the first of its
+                episode, which no step led to).
+
+        Returns:
+            (N, a) float32 actions.
+
+        Raises:
+            OccError: another number of robots or columns than before, or a number that is not
+                finite: a missing cost is never taken for 0.
+        """
+        cost = self._check(batch, cost)
+        if self._rollout is None:
+            self._allocate(len(cost))
+        if self._open:
+            self._close(batch, cost)
+        if self._rollout.filled == self.config.rollout_steps:
+            self._rollout.observation[-1] = batch.observation
+            self._update()
+        t = self._rollout.filled
+        action = self._policy.act(batch.observation, self._rng)
+        self._rollout.observation[t] = batch.observation
+        self._rollout.action[t] = action
+        self._last_done = batch.done
+        self._open = True
+        return action
+
+    def interrupt(self, *, new_episodes: bool = True) -> None:
+        """Forget the transition that is half open: its successor will not come.
+
+        Args:
+            new_episodes: the next batch shows first states of episodes (the simulator started
+                anew). ``False``: it shows later states of running episodes, some steps having been
+                missed; these episodes are learned from but left out of the means.
+        """
+        if self._open:
+            # The state stays in the rollout, as the successor of the transition before.
+            self._rollout.valid[self._rollout.filled] = False
+            self._rollout.filled += 1
+            self._open = False
+        if self._episodes is not None:
+            self._episodes.sums[:] = 0.0
+            self._episodes.whole[:] = new_episodes
+
+    def policy(self) -> GaussianPolicy:
+        """Return the policy as it now acts, as plain numbers."""
+        layers = [layer for layer in self._actor if isinstance(layer, nn.Linear)]
+        return GaussianPolicy(
+            world=self.world_name,
+            columns=self.columns,
+            action_columns=self.action_columns,
+            observation_mean=self._normaliser.mean.astype(np.float32),
+            observation_variance=self._normaliser.floored_variance.astype(np.float32),
+            observation_clip=self.config.observation_clip,
+            weights=tuple(_numpy(layer.weight.T) for layer in layers),
+            biases=tuple(_numpy(layer.bias) for layer in layers),
+            log_std=_numpy(self._actor.log_std),
+        )
+
+    @property
+    def multiplier(self) -> float:
+        """The Lagrange multiplier, 0 or more."""
+        return self._multiplier.item()
+
+    def _check(self, batch: StepBatch, cost: np.ndarray) -> np.ndarray:
+        """Return the cost as (N,) float64, or refuse the step."""
+        cost = np.asarray(cost, dtype=np.float64)
+        shape = batch.observation.shape
+        robots = shape[0] if self._rollout is None else self._rollout.reward.shape[1]
+        if shape != (robots, len(self.columns)):
+            raise OccError(
+                f'the learner got an observation of shape {shape}; allowed is '
+                f'({robots}, {len(self.columns)})'
+            )
+        for name, values in (('cost', cost), ('reward', batch.reward)):
+            if values.shape != (robots,) or not np.isfinite(values).all():
+                raise OccError(
+                    f'the learner got a {name} of shape {values.shape} with '
+                    f'{np.count_nonzero(~np.isfinite(values))} values missing or infinite; '
+                    f'allowed is ({robots},), all finite'
+                )
+        if not np.isfinite(batch.observation).all():
+            raise OccError('the learner got an observation that is not finite; allowed is finite')
+        return cost
+
+    def _allocate(self, robots: int) -> None:
+        k, a = len(self.columns), len(self.action_columns)
+        self._rollout = Rollout(self.config.rollout_steps, robots, k, a)
+        self._episodes = Episodes(robots, self.config.window)
+
+    def _close(self, batch: StepBatch, cost: np.ndarray) -> None:
+        rollout, t = self._rollout, self._rollout.filled
+        valid = ~self._last_done
+        rollout.reward[t] = batch.reward
+        rollout.cost[t] = cost
+        rollout.terminated[t] = batch.terminated
+        rollout.valid[t] = valid
+        rollout.filled += 1
+        self.steps += int(valid.sum())
+        self._episodes.add(batch.reward, cost, valid, batch.done)
+        self._open = False
+
+    # --- one update -------------------------------------------------------------------------
+
+    def _update(self) -> None:
+        """Learn from the full rollout and empty it."""
+        config, rollout = self.config, self._rollout
+        if not rollout.valid.any():
+            rollout.filled = 0
+            return
+        started = time.perf_counter()
+        mean_return, mean_cost, mean_length = self._episodes.means()
+        if config.lagrangian:
+            self._update_multiplier(mean_cost)
+        # The statistics change between rollouts, never within one. The first rollout was acted
+        # without any; its own are used at once, which hardly matters to a policy whose mean is
+        # still about 0 everywhere.
+        first = self._normaliser.count == 0
+        if first:
+            self._normaliser.fold(rollout.observation[:-1])
+            self._policy = self.policy()
+        losses = self._descend(*self._training_data())
+        if not first:
+            self._normaliser.fold(rollout.observation[:-1])
+        self._policy = self.policy()
+        rollout.filled = 0
+        self.updates += 1
+        now = time.perf_counter()
+        self.metrics = TrainingMetrics(
+            steps=self.steps,
+            updates=self.updates,
+            episodes=self._episodes.finished,
+            mean_return=mean_return,
+            mean_cost=mean_cost,
+            mean_length=mean_length,
+            cost_rate=float(rollout.cost.mean(where=rollout.valid)),
+            multiplier=self.multiplier if config.lagrangian else 0.0,
+            steps_per_s=(self.steps - self._steps_then) / (now - self._clock),
+            update_s=now - started,
+            **losses,
+        )
+        self._clock, self._steps_then = now, self.steps
+
+    def _update_multiplier(self, mean_cost: float) -> None:
+        """Ascend on the multiplier: up while episodes cost more than allowed, down while less."""
+        if math.isnan(mean_cost):
+            return
+        self._multiplier.grad = torch.tensor(self.config.cost_limit - mean_cost)
+        self._multiplier_optimiser.step()
+        with torch.no_grad():
+            self._multiplier.clamp_(min=0.0)
+
+    def _training_data(self) -> tuple[torch.Tensor, ...]:
+        """Return observation, action, advantage and both value targets of valid transitions."""
+        config, rollout = self.config, self._rollout
+        shape = rollout.observation.shape[:2]
+        observation = self._normalised(rollout.observation).to(self._device)
+        with torch.no_grad():
+            values = _numpy(self._critic(observation)).reshape(shape)
+            cost_values = _numpy(self._cost_critic(observation)).reshape(shape)
+        valid = rollout.valid
+        ends = (rollout.terminated, valid, config.gamma, config.lam)
+        estimate = advantages(rollout.reward, values, *ends)[valid]
+        cost_estimate = advantages(rollout.cost, cost_values, *ends)[valid]
+        advantage = (estimate - estimate.mean()) / (estimate.std() + 1e-8)
+        if config.lagrangian:
+            # The cost's advantage keeps its scale: a rare cost must not be blown up to the size
+            # of the reward.
+            penalty = cost_estimate - cost_estimate.mean()
+            advantage = (advantage - self.multiplier * penalty) / (1.0 + self.multiplier)
+        action = torch.from_numpy(rollout.action[valid])
+        targets = estimate + values[:-1][valid], cost_estimate + cost_values[:-1][valid]
+        return (
+            observation.reshape(*shape, -1)[:-1][torch.from_numpy(valid).to(self._device)],
+            action.to(self._device),
+            *(
+                torch.from_numpy(x.astype(np.float32)).to(self._device)
+                for x in (advantage, *targets)
+            ),
+        )
+
+    def _descend(
+        self,
+        observation: torch.Tensor,
+        action: torch.Tensor,
+        advantage: torch.Tensor,
+        target: torch.Tensor,
+        cost_target: torch.Tensor,
+    ) -> dict[str, float]:
+        """Improve the networks, pass by pass, until the policy has moved far enough."""
+        config = self.config
+        rows = len(observation)
+        with torch.no_grad():
+            old_mean = self._actor(observation)
+            old_log_std = self._actor.log_std.clone()
+            old_log_prob = _log_prob(action, old_mean, old_log_std)
+        passes, moved = 0, False
+        while passes < config.passes and not moved:
+            order = torch.from_numpy(self._rng.permutation(rows)).to(self._device)
+            sums = torch.zeros(4, device=self._device)
+            for index in order.split(config.minibatch):
+                x = observation[index]
+                mean, log_std = self._actor(x), self._actor.log_std
+                ratio = torch.exp(_log_prob(action[index], mean, log_std) - old_log_prob[index])
+                clipped = ratio.clamp(1.0 - config.clip, 1.0 + config.clip)
+                gain = advantage[index]
+                policy_loss = -torch.min(ratio * gain, clipped * gain).mean()
+                value_loss = (self._critic(x)[:, 0] - target[index]).square().mean()
+                cost_loss = (self._cost_critic(x)[:, 0] - cost_target[index]).square().mean()
+                self._optimiser.zero_grad()
+                (policy_loss + value_loss + cost_loss).backward()
+                for network in self._networks.values():
+                    nn.utils.clip_grad_norm_(network.parameters(), config.max_grad_norm)
+                self._optimiser.step()
+                with torch.no_grad():
+                    kl = _divergence(old_mean[index], old_log_std, mean, log_std)
+                    figures = torch.stack([kl, policy_loss, value_loss, cost_loss])
+                    sums += figures * (len(index) / rows)
+            passes += 1
+            moved = bool(sums[0] > config.target_kl)
+        kl, policy_loss, value_loss, cost_value_loss = sums.tolist()
+        log_std_sum = self._actor.log_std.sum().item()
+        return {
+            'kl': kl,
+            'passes': passes,
+            'entropy': log_std_sum + 0.5 * action.shape[1] * math.log(2.0 * math.pi * math.e),
+            'policy_loss': policy_loss,
+            'value_loss': value_loss,
+            'cost_value_loss': cost_value_loss,
+        }
+
+    def _normalised(self, observation: np.ndarray) -> torch.Tensor:
+        """Return the rows (..., k) as the networks see them, (rows, k)."""
+        policy = self._policy
+        x = (observation - policy.observation_mean) / np.sqrt(policy.observation_variance)
+        np.clip(x, -policy.observation_clip, policy.observation_clip, out=x)
+        return torch.from_numpy(x.reshape(-1, x.shape[-1]))
+
+    # --- checkpoints ------------------------------------------------------------------------
+
+    def save(self, path: Path | str) -> None:
+        """Write all that an exact continuation needs, replacing the file in a single move."""
+        path = Path(path)
+        rollout, episodes = self._rollout, self._episodes
+        state: dict[str, Any] = {
+            'format': _FORMAT,
+            'config': asdict(self.config),
+            'columns': list(self.columns),
+            'action_columns': list(self.action_columns),
+            'world_name': self.world_name,
+            'steps': self.steps,
+            'updates': self.updates,
+            'metrics': None if self.metrics is None else self.metrics.as_dict(),
+            'rng': json.dumps(self._rng.bit_generator.state),
+            'networks': self._networks.state_dict(),
+            'optimiser': self._optimiser.state_dict(),
+            'multiplier': self.multiplier,
+            'multiplier_optimiser': self._multiplier_optimiser.state_dict(),
+            'normaliser': {
+                'count': self._normaliser.count,
+                'mean': torch.from_numpy(self._normaliser.mean),
+                'variance': torch.from_numpy(self._normaliser.variance),
+            },
+            'stream': None,
+        }
+        if rollout is not None:
+            # A file written right after an update holds next to no rollout and is small.
+            keep = rollout.filled + self._open
+            state['stream'] = {
+                'robots': len(episodes.whole),
+                'filled': rollout.filled,
+                'rollout': {
+                    name: torch.from_numpy(array[:keep].copy())
+                    for name, array in rollout.arrays.items()
+                },
+                'open': self._open,
+                'last_done': torch.from_numpy(self._last_done.copy()),
+                'finished': episodes.finished,
+                'recent': [list(sums) for sums in episodes.recent],
+                'sums': torch.from_numpy(episodes.sums),
+                'whole': torch.from_numpy(episodes.whole),
+            }
+        part = path.with_name(path.name + '.part')
+        torch.save(state, part)
+        os.replace(part, path)
+
+    @classmethod
+    def load(cls, path: Path | str, *, device: str | None = None) -> PPOLagrangian:
+        """Read a checkpoint; nothing in it is executed.
+
+        The learner expects the batch that follows the last one it was given. Call
+        :meth:`interrupt` first when another one will come.
+
+        Args:
+            path: a file written by :meth:`save`.
+            device: replaces the one that the checkpoint was trained on.
+
+        Raises:
+            OccError: no such file, or not a checkpoint.
+        """
+        try:
+            state = torch.load(path, map_location='cpu', weights_only=True)
+        except OSError as err:
+            raise OccError(f'cannot read checkpoint {path}: {err.strerror or err}') from err
+        except (pickle.UnpicklingError, RuntimeError, EOFError, ValueError, KeyError) as err:
+            raise OccError(f'{path} is not a checkpoint: allowed is {_FORMAT!r}') from err
+        if not isinstance(state, dict) or state.get('format') != _FORMAT:
+            raise OccError(f'{path} is not a checkpoint: allowed is {_FORMAT!r}')
+        try:
+            settings = state['config'] | ({} if device is None else {'device': device})
+            settings['hidden'] = tuple(settings['hidden'])
+            learner = cls(
+                PPOLagrangianConfig(**settings),
+                state['columns'],
+                state['action_columns'],
+                state['world_name'],
+                seed=0,
+            )
+            learner._restore(state)
+        except (KeyError, TypeError, ValueError, RuntimeError) as err:
+            raise OccError(f'checkpoint {path} is damaged: {err}') from err
+        return learner
+
+    def _restore(self, state: dict[str, Any]) -> None:
+        """Take over everything but the settings from a checkpoint's content."""
+        self.steps, self.updates = state['steps'], state['updates']
+        self._steps_then = self.steps
+        if state['metrics'] is not None:
+            self.metrics = TrainingMetrics(**state['metrics'])
+        self._rng.bit_generator.state = json.loads(state['rng'])
+        self._networks.load_state_dict(state['networks'])
+        self._optimiser.load_state_dict(state['optimiser'])
+        with torch.no_grad():
+            self._multiplier.fill_(state['multiplier'])
+        self._multiplier_optimiser.load_state_dict(state['multiplier_optimiser'])
+        self._normaliser.count = state['normaliser']['count']
+        self._normaliser.mean = state['normaliser']['mean'].numpy()
+        self._normaliser.variance = state['normaliser']['variance'].numpy()
+        self._policy = self.policy()
+        stream = state['stream']
+        if stream is None:
+            return
+        self._allocate(stream['robots'])
+        self._rollout.filled = stream['filled']
+        for name, array in self._rollout.arrays.items():
+            saved = stream['rollout'][name].numpy()
+            array[: len(saved)] = saved
+        self._open = stream['open']
+        self._last_done = stream['last_done'].numpy()
+        self._episodes.finished = stream['finished']
+        self._episodes.recent.extend(map(tuple, stream['recent']))
+        self._episodes.sums = stream['sums'].numpy()
+        self._episodes.whole = stream['whole'].numpy()
+
+
+def _device(name: str) -> torch.device:
+    """Return the device, or refuse one that this machine does not have."""
+    if name not in ('cpu', 'cuda') or (name == 'cuda' and not torch.cuda.is_available()):
+        here = 'cpu, cuda' if torch.cuda.is_available() else 'cpu'
+        raise OccError(f'learner setting device is {name!r}; this machine has {here}')
+    return torch.device(name)
+
+
+def _mlp(widths: Sequence[int], last_gain: float, rng: np.random.Generator) -> nn.Sequential:
+    """Return a tanh network with orthogonal weights and zero biases."""
+    layers: list[nn.Module] = []
+    for inputs, outputs in zip(widths[:-1], widths[1:], strict=True):
+        layer = nn.Linear(inputs, outputs)
+        gain = last_gain if len(layers) == 2 * (len(widths) - 2) else math.sqrt(2.0)
+        square = rng.standard_normal((max(inputs, outputs), min(inputs, outputs)))
+        basis, triangle = np.linalg.qr(square)
+        basis = basis * np.sign(np.diag(triangle))
+        weight = gain * (basis if outputs >= inputs else basis.T)
+        with torch.no_grad():
+            layer.weight.copy_(torch.from_numpy(weight))
+            layer.bias.zero_()
+        layers += [layer, nn.Tanh()]
+    return nn.Sequential(*layers[:-1])
+
+
+def _log_prob(action: torch.Tensor, mean: torch.Tensor, log_std: torch.Tensor) -> torch.Tensor:
+    """Log density of a diagonal Gaussian, (rows,)."""
+    z = (action - mean) * torch.exp(-log_std)
+    return (-0.5 * z.square() - log_std - 0.5 * math.log(2.0 * math.pi)).sum(dim=1)
+
+
+def _divergence(
+    mean: torch.Tensor, log_std: torch.Tensor, other: torch.Tensor, other_log_std: torch.Tensor
+) -> torch.Tensor:
+    """Mean over rows of KL(first || other) of two diagonal Gaussians, a scalar."""
+    spread = torch.exp(2.0 * (log_std - other_log_std))
+    shift = ((mean - other) * torch.exp(-other_log_std)).square()
+    return (other_log_std - log_std + 0.5 * (spread + shift - 1.0)).sum(dim=1).mean()
+
+
+def _numpy(tensor: torch.Tensor) -> np.ndarray:
+    """Return a copy on the CPU that later steps of an optimiser do not change."""
+    return np.ascontiguousarray(tensor.detach().cpu().numpy()).copy()

@@ -1,0 +1,142 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""What a learner remembers of a stream with next-step autoreset, and the estimates made of it."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import numpy as np
+
+
+def advantages(
+    signal: np.ndarray,
+    values: np.ndarray,
+    terminated: np.ndarray,
+    valid: np.ndarray,
+    gamma: float,
+    lam: float,
+) -> np.ndarray:
+    """Generalised advantage estimates over a rollout of a stream with next-step autoreset.
+
+    Transition t leads from state t to state t + 1. One that starts at the last state of an episode
+    is not valid: its estimate is 0, which also stops the sum that runs backwards through time, so
+    an episode cut by its time limit is continued by the value of its last state, and a terminated
+    one by 0.
+
+    Args:
+        signal: (T, N) reward or cost of each transition.
+        values: (T + 1, N) the critic's value of each state.
+        terminated: (T, N) bool, the transition ended the task.
+        valid: (T, N) bool, the transition happened.
+        gamma: discount per step.
+        lam: weight of longer returns, 0 to 1.
+
+    Returns:
+        (T, N), same type as ``values``.
+    """
+    delta = signal + gamma * np.where(terminated, 0, values[1:]) - values[:-1]
+    estimate = np.zeros_like(values)
+    for t in range(len(signal) - 1, -1, -1):
+        estimate[t] = valid[t] * (delta[t] + gamma * lam * estimate[t + 1])
+    return estimate[:-1]
+
+
+class Rollout:
+    """T transitions of N robots, and the T + 1 states that they connect.
+
+    Attributes:
+        filled: transitions completed so far.
+        observation: (T + 1, N, k) float32.
+        action: (T, N, a) float32, taken in the state of the same index.
+        reward: (T, N) float32, of the transition.
+        cost: (T, N) float32, of the state it led to.
+        terminated: (T, N) bool, it ended the task.
+        valid: (T, N) bool, it happened: see :func:`advantages`.
+    """
+
+    def __init__(self, steps: int, robots: int, k: int, a: int) -> None:
+        self.filled = 0
+        self.observation = np.zeros((steps + 1, robots, k), np.float32)
+        self.action = np.zeros((steps, robots, a), np.float32)
+        self.reward = np.zeros((steps, robots), np.float32)
+        self.cost = np.zeros((steps, robots), np.float32)
+        self.terminated = np.zeros((steps, robots), bool)
+        self.valid = np.zeros((steps, robots), bool)
+
+    @property
+    def arrays(self) -> dict[str, np.ndarray]:
+        """The arrays by name, not copied."""
+        return {name: value for name, value in vars(self).items() if name != 'filled'}
+
+
+class Episodes:
+    """Sums of the running episode of each robot, and the sums of the last finished ones.
+
+    Attributes:
+        finished: episodes finished.
+        recent: return, cost and length of the last ``window`` of them.
+        sums: (N, 3) the same of each running episode.
+        whole: (N,) bool, the running episode was seen from its first state on. Others are not
+            counted when they finish: their sums are too small.
+    """
+
+    def __init__(self, robots: int, window: int) -> None:
+        self.finished = 0
+        self.recent: deque[tuple[float, float, float]] = deque(maxlen=window)
+        self.sums = np.zeros((robots, 3))
+        self.whole = np.ones(robots, bool)
+
+    def add(
+        self, reward: np.ndarray, cost: np.ndarray, valid: np.ndarray, done: np.ndarray
+    ) -> None:
+        """Count one transition of each robot; all arguments are (N,)."""
+        self.sums[valid] += np.stack([reward, cost, np.ones_like(reward)], axis=1)[valid]
+        ended = valid & done
+        if ended.any():
+            self.recent.extend(map(tuple, self.sums[ended & self.whole].tolist()))
+            self.finished += int((ended & self.whole).sum())
+            self.sums[ended] = 0.0
+            self.whole |= ended
+
+    def means(self) -> tuple[float, float, float]:
+        """Return mean return, cost and length of the recent ones; NaN while no episode has finished."""
+        if not self.recent:
+            return math.nan, math.nan, math.nan
+        return tuple(np.mean(self.recent, axis=0).tolist())
+
+
+class Normaliser:
+    """Mean and variance of all observations so far (Chan, Golub and LeVeque 1979).
+
+    Attributes:
+        count: rows seen.
+        mean: (k,) float64.
+        variance: (k,) float64; 1 while no row has been seen.
+    """
+
+    def __init__(self, k: int) -> None:
+        self.count = 0.0
+        self.mean = np.zeros(k)
+        self.variance = np.ones(k)
+
+    def fold(self, rows: np.ndarray) -> None:
+        """Take in more rows, (..., k)."""
+        rows = rows.reshape(-1, rows.shape[-1]).astype(np.float64)
+        n, mean, variance = len(rows), rows.mean(axis=0), rows.var(axis=0)
+        total, shift = self.count + n, mean - self.mean
+        self.variance = (
+            self.variance * self.count + variance * n + shift**2 * (self.count * n / total)
+        ) / total
+        self.mean = self.mean + shift * (n / total)
+        self.count = total
+
+    @property
+    def floored_variance(self) -> np.ndarray:
+        """(k,) the variance, at least 1e-4.
+
+        A sensor that has hardly moved yet must not be blown up to the clip bound by its first
+        twitch.
+        """
+        return np.maximum(self.variance, 1e-4)

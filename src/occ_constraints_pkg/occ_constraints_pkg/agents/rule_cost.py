@@ -1,0 +1,50 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Costs from a rule set, computed in the learner's own process."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from occ_constraints_pkg.bags.feature_map import FeatureMap
+from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.rules.constraints_file import Constraints
+from occ_constraints_pkg.rules.ruleset import RuleCounts
+from occ_constraints_pkg.worlds.base import World
+from occ_constraints_pkg.worlds.stream import StepBatch
+
+
+class RuleCost:
+    """Judges each state of a world by learned rules, as the monitor does over topics.
+
+    Attributes:
+        counts: how often each rule was evaluated and violated.
+
+    Args:
+        constraints: the rules, with a feature map of columns of the world's observation.
+        world: the world, or its class.
+
+    Raises:
+        OccError: a feature is not a column of the observation.
+    """
+
+    def __init__(self, constraints: Constraints, world: World | type[World]) -> None:
+        if constraints.feature_map is None:
+            raise OccError('the constraints have no feature_map, so their features are unknown')
+        feature_map = FeatureMap.from_document(constraints.feature_map, 'the constraints')
+        names = [column.name for column in world.columns]
+        for source in feature_map.features:
+            if source.column not in names or source.transform:
+                raise OccError(
+                    f'feature {source.name!r} is no column of the observation of {world.name}; '
+                    f'its columns are {", ".join(names)}'
+                )
+        self._rule_set = constraints.rule_set
+        self._places = [names.index(source.column) for source in feature_map.features]
+        self.counts = RuleCounts(self._rule_set)
+
+    def __call__(self, batch: StepBatch) -> np.ndarray:
+        """Return (N,) 1.0 where a robot's state is not SAFE, else 0.0."""
+        judgement = self._rule_set.judge(batch.observation[:, self._places])
+        self.counts.add(judgement)
+        return judgement.cost

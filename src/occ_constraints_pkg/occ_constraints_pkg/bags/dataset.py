@@ -1,0 +1,90 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Feature values of recordings, row by row, ready to learn from or to check."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from occ_constraints_pkg.errors import OccError
+
+
+@dataclass(frozen=True, eq=False)
+class Dataset:
+    """Rows of features with where each came from.
+
+    Attributes:
+        names: the features, in order (k of them).
+        values: (n, k) float64; NaN where a value was missing or stale.
+        stamps_ns: (n,) int64, the header stamp of the row's pace message, else its arrival.
+        episodes: (n,) int64, the same number for rows of one recording, robot and episode.
+        true_cost: (n,) float64, the simulated world's own cost, NaN for rows of recordings that
+            lack it; None when all lack it.
+        sources: :meth:`Recording.fingerprint` of each recording.
+        warnings: one sentence for each thing that was missing or damaged in a recording.
+
+    Raises:
+        OccError: the shapes do not fit together.
+    """
+
+    names: tuple[str, ...]
+    values: np.ndarray
+    stamps_ns: np.ndarray
+    episodes: np.ndarray
+    true_cost: np.ndarray | None = None
+    sources: tuple[dict[str, Any], ...] = ()
+    warnings: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        rows = len(self.stamps_ns)
+        columns = [self.stamps_ns, self.episodes]
+        columns += [] if self.true_cost is None else [self.true_cost]
+        if self.values.shape != (rows, len(self.names)) or any(c.shape != (rows,) for c in columns):
+            raise OccError(
+                f'a dataset of {len(self.names)} features and {rows} stamps got values of shape '
+                f'{self.values.shape} and columns of shapes {[c.shape for c in columns]}'
+            )
+
+    def __len__(self) -> int:
+        return len(self.stamps_ns)
+
+    def select(self, rows: np.ndarray) -> Dataset:
+        """Return the rows of a (n,) bool mask, or of an array of row numbers."""
+        cost = None if self.true_cost is None else self.true_cost[rows]
+        return replace(
+            self,
+            values=self.values[rows],
+            stamps_ns=self.stamps_ns[rows],
+            episodes=self.episodes[rows],
+            true_cost=cost,
+        )
+
+    def split_episodes(self, rng: np.random.Generator, share: float) -> tuple[Dataset, Dataset]:
+        """Split at random into two parts that share no episode.
+
+        Neighbouring rows of an episode resemble each other, so a part held back row by row would
+        flatter whatever is scored on it.
+
+        Args:
+            rng: draws the episodes.
+            share: of the episodes that go to the second part, rounded, at least one and not all.
+
+        Returns:
+            ``(rest, held_out)``.
+
+        Raises:
+            OccError: there are fewer than two episodes, or the share is not between 0 and 1.
+        """
+        numbers = np.unique(self.episodes)
+        if not 0.0 < share < 1.0:
+            raise OccError(f'the share of held-out episodes is {share}; allowed is 0 to 1')
+        if len(numbers) < 2:
+            raise OccError(
+                f'episodes cannot be split: the data hold {len(numbers)}; allowed are two or more'
+            )
+        count = min(max(round(share * len(numbers)), 1), len(numbers) - 1)
+        held = np.isin(self.episodes, rng.choice(numbers, size=count, replace=False))
+        return self.select(~held), self.select(held)

@@ -1,0 +1,294 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""From messages to rows of features, in one way for live topics and for recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from occ_constraints_pkg.bags.dataset import Dataset
+from occ_constraints_pkg.bags.feature_map import FeatureMap, FeatureSource, topic_key
+from occ_constraints_pkg.bags.fields import FieldReader
+from occ_constraints_pkg.bags.recording import RawMessage, Recording
+from occ_constraints_pkg.bags.table import Table
+from occ_constraints_pkg.documents import did_you_mean
+from occ_constraints_pkg.errors import OccError
+
+
+@dataclass(frozen=True)
+class FeatureRows:
+    """The features at one message of the pace topic.
+
+    Attributes:
+        stamp_ns: the message's header stamp, or its arrival where it has none.
+        values: (rows, k) float64, one row per robot; NaN where a value is missing or stale.
+        table: the pace message as a table, when it is one.
+        repeat: whether the message has the same header stamp as the one before: a simulation
+            repeats its last observation when nothing answers it. Whoever counts rows skips it.
+    """
+
+    stamp_ns: int
+    values: np.ndarray
+    table: Table | None
+    repeat: bool
+
+
+class FeatureExtractor:
+    """Aligns messages in time and computes features; used live and offline alike.
+
+    The rows depend on nothing but the map and the sequence of calls to :meth:`push`, so a
+    recording that is played in its own order yields what the live topics yielded.
+
+    Args:
+        feature_map: what to compute.
+    """
+
+    def __init__(self, feature_map: FeatureMap) -> None:
+        self.feature_map = feature_map
+        self._max_age_ns = round(feature_map.max_age * 1e9)
+        groups: dict[str, list[int]] = {topic_key(feature_map.pace): []}
+        for place, source in enumerate(feature_map.features):
+            groups.setdefault(topic_key(source.topic), []).append(place)
+        self._pace = topic_key(feature_map.pace)
+        self._readers = {
+            key: _TopicReader(places, [feature_map.features[place] for place in places])
+            for key, places in groups.items()
+        }
+        self._held: dict[str, _Held] = {}
+        self._last_stamp: int | None = None
+
+    def push(self, topic: str, message: Any, receive_time_ns: int) -> FeatureRows | None:
+        """Take one message; return rows if it is of the pace topic.
+
+        Args:
+            topic: the topic's name as in the feature map, with or without leading slash; a
+                message of a topic that the map does not use is ignored.
+            message: a message of ``rosbags`` or ``rclpy``.
+            receive_time_ns: when it arrived, on the same clock for all topics.
+
+        Raises:
+            OccError: the message lacks a field or column that the map asks for, or the tables
+                of two topics have different numbers of rows.
+        """
+        key = topic_key(topic)
+        reader = self._readers.get(key)
+        if reader is None:
+            return None
+        stamp = header_stamp_ns(message)
+        if key != self._pace:
+            self._held[key] = _Held(message, stamp, receive_time_ns)
+            return None
+        repeat = stamp is not None and stamp == self._last_stamp
+        self._last_stamp = stamp
+        values, table = reader.read(message)
+        if len(reader.places) < len(self.feature_map.features):
+            own, values = values, np.full((len(values), len(self.feature_map.features)), np.nan)
+            values[:, reader.places] = own
+            for other, held in self._held.items():
+                if held.age_ns(stamp, receive_time_ns) <= self._max_age_ns:
+                    self._fill(values, other, held)
+        return FeatureRows(receive_time_ns if stamp is None else stamp, values, table, repeat)
+
+    def _fill(self, values: np.ndarray, key: str, held: _Held) -> None:
+        """Put a held topic's features into ``values``, one row for all or row by row."""
+        reader = self._readers[key]
+        if held.values is None:
+            held.values, _ = reader.read(held.message)
+        if len(held.values) not in (1, len(values)):
+            raise OccError(
+                f'topic {key!r} holds {len(held.values)} rows and the pace topic '
+                f'{self._pace!r} {len(values)}; allowed are 1 or as many'
+            )
+        values[:, reader.places] = held.values
+
+
+class _Held:
+    """The last message of a topic, with its values once they have been asked for."""
+
+    def __init__(self, message: Any, stamp: int | None, arrival: int) -> None:
+        self.message, self.stamp, self.arrival = message, stamp, arrival
+        self.values: np.ndarray | None = None
+
+    def age_ns(self, stamp: int | None, arrival: int) -> int:
+        """Return the distance to the pace message; one from the future is as far off as a past one.
+
+        That a clock has jumped back shows in nothing else.
+        """
+        if stamp is None or self.stamp is None:
+            return abs(arrival - self.arrival)
+        return abs(stamp - self.stamp)
+
+
+class _TopicReader:
+    """Reads all features that one topic gives."""
+
+    def __init__(self, places: list[int], sources: list[FeatureSource]) -> None:
+        self.places = places
+        self._sources = sources
+        self._fields = [FieldReader(source) for source in sources if source.column is None]
+        self._absolute = [i for i, source in enumerate(sources) if source.transform == 'abs']
+        self._names: tuple[str, ...] | None = None
+        self._columns = np.empty(0, dtype=np.intp)
+
+    def read(self, message: Any) -> tuple[np.ndarray, Table | None]:
+        """Return (rows, features of this topic) float64, and the message as table if it is one."""
+        if self._fields or not (self._sources or hasattr(message, 'point_step')):
+            return np.array([[field.read(message) for field in self._fields]]), None
+        if not hasattr(message, 'point_step'):
+            source = self._sources[0]
+            raise OccError(
+                f'feature {source.name!r} asks for column {source.column!r} of topic '
+                f'{source.topic!r}, whose messages are {type(message).__name__}; '
+                'allowed is a table (sensor_msgs/msg/PointCloud2)'
+            )
+        table = Table.from_message(message)
+        if table.names != self._names:
+            self._columns = np.array([self._find(table, s) for s in self._sources], dtype=np.intp)
+            self._names = table.names
+        values = table.values[:, self._columns].astype(np.float64, copy=False)
+        if self._absolute:
+            values[:, self._absolute] = np.abs(values[:, self._absolute])
+        return values, table
+
+    @staticmethod
+    def _find(table: Table, source: FeatureSource) -> int:
+        try:
+            return table.names.index(source.column)
+        except ValueError:
+            hint = did_you_mean(source.column, table.names) or ';'
+            raise OccError(
+                f'feature {source.name!r} asks for column {source.column!r} of topic '
+                f'{source.topic!r}, which the table does not have{hint} '
+                f'its columns are {", ".join(table.names)}'
+            ) from None
+
+
+def header_stamp_ns(message: Any) -> int | None:
+    """Return a message's header stamp in ns; None without a header or with the unset stamp 0."""
+    header = getattr(message, 'header', None)
+    if header is None:
+        return None
+    return header.stamp.sec * 1_000_000_000 + header.stamp.nanosec or None
+
+
+def extract(
+    paths: Sequence[str | Path],
+    feature_map: FeatureMap,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> Dataset:
+    """Compute the features of recordings.
+
+    Repeated pace messages are skipped. Where the pace is a table with a column ``episode``, each
+    robot's episodes are told apart; otherwise a recording is one episode. Only messages that can
+    influence a row are decoded.
+
+    Args:
+        paths: rosbag2 directories or files.
+        feature_map: what to compute.
+        progress: called after each message of a needed topic with their number so far, and the
+            number in all recordings.
+
+    Raises:
+        OccError: no recordings; one cannot be read, lacks a topic, field or column of the map, or
+            has no message on the pace topic.
+    """
+    recordings = [Recording(path) for path in paths]
+    if not recordings:
+        raise OccError('there are no recordings to extract features from; allowed are one or more')
+    wanted = [
+        {topic_key(name): recording.find(topic_key(name)) for name in feature_map.topics}
+        for recording in recordings
+    ]
+    total = sum(
+        recording.topics[topic].count
+        for recording, topics in zip(recordings, wanted, strict=True)
+        for topic in topics.values()
+    )
+    done, parts, episodes = 0, [], 0
+    for recording, topics in zip(recordings, wanted, strict=True):
+        part = _Part()
+        extractor = FeatureExtractor(feature_map)
+        pace = topics[topic_key(feature_map.pace)]
+        latest: dict[str, RawMessage] = {}
+        for raw in recording.messages(topics.values()):
+            done += 1
+            if progress is not None:
+                progress(done, total)
+            if raw.topic != pace:
+                latest[raw.topic] = raw
+                continue
+            # Of the messages between two of the pace topic, only the last of a topic counts.
+            for held in latest.values():
+                extractor.push(held.topic, recording.decode(held), held.log_time_ns)
+            latest.clear()
+            rows = extractor.push(raw.topic, recording.decode(raw), raw.log_time_ns)
+            if not rows.repeat:
+                part.add(rows)
+        if not part.values:
+            raise OccError(
+                f'{recording.path} has no message on {pace!r}, which sets the pace; '
+                'allowed is one or more'
+            )
+        episodes += part.number_episodes(episodes, str(recording.path))
+        parts.append(part)
+    costs = [cost for part in parts for cost in part.costs]
+    return Dataset(
+        names=feature_map.names,
+        values=np.concatenate([values for part in parts for values in part.values]),
+        stamps_ns=np.concatenate([stamps for part in parts for stamps in part.stamps]),
+        episodes=np.concatenate([part.episodes for part in parts]),
+        true_cost=np.concatenate(costs) if any(part.has_cost for part in parts) else None,
+        sources=tuple(recording.fingerprint() for recording in recordings),
+        warnings=tuple(text for recording in recordings for text in recording.warnings),
+    )
+
+
+class _Part:
+    """The rows of one recording while they are collected."""
+
+    def __init__(self) -> None:
+        self.values: list[np.ndarray] = []
+        self.stamps: list[np.ndarray] = []
+        self.costs: list[np.ndarray] = []
+        self.episodes = np.empty(0, dtype=np.int64)
+        self.has_cost = False
+        self._robots: list[np.ndarray] = []
+        self._numbers: list[np.ndarray] = []
+
+    def add(self, rows: FeatureRows) -> None:
+        count = len(rows.values)
+        columns = () if rows.table is None else rows.table.names
+        self.values.append(rows.values)
+        self.stamps.append(np.full(count, rows.stamp_ns, dtype=np.int64))
+        if 'true_cost' in columns:
+            self.has_cost = True
+            self.costs.append(rows.table.column('true_cost').astype(np.float64))
+        else:
+            self.costs.append(np.full(count, np.nan))
+        robots = np.arange(count)
+        if 'episode' in columns:
+            self._robots.append(robots)
+            self._numbers.append(rows.table.column('episode').astype(np.float64))
+        else:
+            self._robots.append(np.zeros_like(robots))
+            self._numbers.append(np.zeros(count))
+
+    def number_episodes(self, first: int, where: str) -> int:
+        """Number the episodes from ``first`` on; return how many there are.
+
+        Raises:
+            OccError: the column ``episode`` holds something that is not finite.
+        """
+        numbers = np.concatenate(self._numbers)
+        if not np.isfinite(numbers).all():
+            raise OccError(f"{where} has values that are not finite in the column 'episode'")
+        pairs = np.stack([np.concatenate(self._robots), numbers], axis=1)
+        unique, inverse = np.unique(pairs, axis=0, return_inverse=True)
+        self.episodes = inverse.reshape(-1).astype(np.int64) + first
+        return len(unique)

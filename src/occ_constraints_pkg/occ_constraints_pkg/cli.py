@@ -1,0 +1,458 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""The command ``occ``."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+import occ_constraints_pkg
+from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.learning.settings import OCTreeSettings
+
+_FEATURE_MAP_HELP = 'Feature map: a YAML file, or a built-in name such as PointGoal1.'
+_JSON = click.option('--json', 'as_json', is_flag=True, help='Print one JSON object.')
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run ``occ``; return 0 (done), 1 (problems were found) or 2 (bad input)."""
+    try:
+        code = cli.main(args=None if argv is None else list(argv), standalone_mode=False)
+        return code if isinstance(code, int) else 0
+    except OccError as error:
+        click.echo(f'error: {error}', err=True)
+        return 2
+    except click.ClickException as error:
+        error.show()
+        return 2
+    except (click.Abort, KeyboardInterrupt):
+        click.echo('stopped', err=True)
+        return 130
+    except BrokenPipeError:
+        # The reader of our output has gone, as `occ show | head` does.
+        sys.stderr.close()
+        return 0
+
+
+@click.group(context_settings={'help_option_names': ['-h', '--help']})
+@click.version_option(occ_constraints_pkg.__version__)
+def cli() -> None:
+    """Learn a robot's safety constraints from demonstrations, monitor them, train within them."""
+
+
+@cli.command()
+@click.argument('bags', nargs=-1, required=True, type=click.Path())
+@click.option('-m', '--map', 'map_name', required=True, help=_FEATURE_MAP_HELP)
+@click.option('-o', '--output', default='constraints.yaml', show_default=True, type=click.Path())
+@click.option('--depth', default=OCTreeSettings.max_depth, show_default=True,
+              help='Most levels of splits.')
+@click.option('--clip', default=OCTreeSettings.clip, show_default=True,
+              type=click.Choice(['mass', 'density']), help='How outliers are cut off per split.')
+@click.option('--tail', default=OCTreeSettings.tail, show_default=True,
+              help='With mass: share of samples left outside per split.')
+@click.option('--gamma', default=OCTreeSettings.gamma, show_default=True,
+              help='With density: share of the largest density below which values are outliers.')
+@click.option('--alpha', default=OCTreeSettings.alpha, show_default=True,
+              help='How deep a minimum of the density must be to split there.')
+@click.option('--seed', default=0, show_default=True, help='Chooses the held-out episodes.')
+@click.option('--overwrite', is_flag=True, help='Replace a file with edited rules (keeps .bak).')
+@_JSON
+def learn(
+    bags: tuple[str, ...], map_name: str, output: str, depth: int, clip: str, tail: float,
+    gamma: float, alpha: float, seed: int, overwrite: bool, as_json: bool,
+) -> None:
+    """Learn constraints from recordings of safe driving.
+
+    \b
+    Example: occ learn bags/safe_drive_1 bags/safe_drive_2 -m my_robot.yaml -o constraints.yaml
+    """
+    from occ_constraints_pkg.bags.demonstrations import learn_from_recordings
+    from occ_constraints_pkg.bags.feature_map import load_feature_map
+    from occ_constraints_pkg.rules.constraints_file import save_learned
+
+    settings = OCTreeSettings(max_depth=depth, clip=clip, tail=tail, gamma=gamma, alpha=alpha)
+    with _progress('reading') as progress:
+        constraints = learn_from_recordings(
+            bags, load_feature_map(map_name), settings, rng=np.random.default_rng(seed),
+            progress=progress,
+        )
+    save_learned(constraints, output, overwrite=overwrite)
+    coverage = constraints.coverage
+    if as_json:
+        _print_json({'output': output, 'rules': len(constraints.rule_set.rules), **coverage})
+        return
+    click.echo(describe_rules(constraints))
+    click.echo(
+        f'\nInside the safe set: {coverage["training"]:.2%} of '
+        f'{coverage["training_samples"]} training samples'
+        + (
+            ''
+            if coverage['held_out'] is None
+            else f', {coverage["held_out"]:.2%} of {coverage["held_out_samples"]} samples of '
+            f'{coverage["held_out_episodes"]} held-out episodes'
+        )
+    )
+    click.echo(f'Written to {output}')
+
+
+def describe_rules(constraints: Any, *, counters: bool = False) -> str:
+    """Return the rules of a constraints file as text, one line each."""
+    rule_set = constraints.rule_set
+    enabled = len(rule_set.order)
+    lines = [f'{enabled} rules; each describes a violation:']
+    for rule in sorted(rule_set.rules, key=lambda rule: (not rule.enabled, len(rule.literals))):
+        line = f'  {rule.id:<9} {rule.words(rule_set.space)}'
+        if counters and rule.evaluated:
+            line += f'   [violated {rule.violated} of {rule.evaluated}]'
+        if not rule.enabled:
+            line += '   (disabled)'
+        if rule.note:
+            line += f'   # {rule.note}'
+        lines.append(line)
+    return '\n'.join(lines)
+
+
+@cli.command()
+@click.argument('constraints', type=click.Path())
+@_JSON
+def show(constraints: str, as_json: bool) -> None:
+    """Print the rules of a constraints file in words.
+
+    \b
+    Example: occ show constraints.yaml
+    """
+    from occ_constraints_pkg.rules.constraints_file import load_constraints
+
+    loaded = load_constraints(constraints)
+    rule_set = loaded.rule_set
+    if as_json:
+        rules = [
+            {'id': rule.id, 'text': rule.words(rule_set.space),
+             'formula': rule.formula(rule_set.space), 'enabled': rule.enabled, 'note': rule.note,
+             'evaluated': rule.evaluated, 'violated': rule.violated}
+            for rule in rule_set.rules
+        ]
+        _print_json({'rule_set': rule_set.fingerprint, 'edited': loaded.is_edited, 'rules': rules})
+        return
+    click.echo(describe_rules(loaded, counters=True))
+
+
+@cli.command()
+@click.argument('bags', nargs=-1, required=True, type=click.Path())
+@click.option('-c', '--constraints', required=True, type=click.Path(), help='Constraints file.')
+@_JSON
+def check(bags: tuple[str, ...], constraints: str, as_json: bool) -> int:
+    """Judge recordings by a constraints file; exit code 1 when any sample is not SAFE.
+
+    \b
+    Example: occ check bags/drive_7 -c constraints.yaml
+    """
+    from occ_constraints_pkg.bags.extract import extract
+    from occ_constraints_pkg.bags.feature_map import FeatureMap
+    from occ_constraints_pkg.rules import RuleCounts, Verdict
+    from occ_constraints_pkg.rules.constraints_file import load_constraints
+
+    loaded = load_constraints(constraints)
+    if loaded.feature_map is None:
+        raise OccError(f'{constraints} has no feature_map, so no topic gives its features')
+    feature_map = FeatureMap.from_document(loaded.feature_map, constraints)
+    with _progress('reading') as progress:
+        data = extract(bags, feature_map, progress=progress)
+    for warning in data.warnings:
+        click.echo(f'warning: {warning}', err=True)
+    rule_set = loaded.rule_set
+    judgement = rule_set.judge(data.values)
+    counts = RuleCounts(rule_set)
+    counts.add(judgement)
+    shares = {
+        verdict.name: float(np.mean(judgement.verdict == verdict)) for verdict in Verdict
+    }
+    broken = [
+        {'id': rule.id, 'text': rule.words(rule_set.space), 'violated': int(violated)}
+        for rule, violated in zip(rule_set.rules, counts.violated, strict=True)
+        if violated
+    ]
+    broken.sort(key=lambda item: -item['violated'])
+    if as_json:
+        _print_json({'samples': len(data), 'shares': shares, 'violated_rules': broken,
+                     'smallest_margin': _number(np.nanmin(judgement.margin))
+                     if (judgement.verdict != Verdict.UNKNOWN).any() else None})
+    else:
+        parts = ', '.join(f'{share:.2%} {name}' for name, share in shares.items())
+        click.echo(f'{len(data)} samples: {parts}')
+        for item in broken:
+            click.echo(f'  {item["violated"]:>7} x  {item["id"]:<9} {item["text"]}')
+    return 0 if shares['SAFE'] == 1.0 else 1
+
+
+@cli.command()
+@click.argument('constraints', type=click.Path())
+@click.option('-t', '--threshold', default=0.001, show_default=True,
+              help='Disable rules violated in a smaller share of their evaluations.')
+@click.option('-o', '--output', type=click.Path(), help='File to write; default: in place.')
+@_JSON
+def prune(constraints: str, threshold: float, output: str | None, as_json: bool) -> None:
+    """Disable rules that are rarely violated, by the counters in the file.
+
+    The counters come from a monitor (~/prune writes them) or from `occ train`.
+
+    \b
+    Example: occ prune constraints.yaml --threshold 0.001 -o pruned.yaml
+    """
+    from occ_constraints_pkg.learning.pruning import prune as prune_rules
+    from occ_constraints_pkg.rules.constraints_file import load_constraints
+
+    loaded = load_constraints(constraints)
+    result = prune_rules(loaded.rule_set, threshold)
+    pruned = loaded.with_rule_set(result.rule_set)
+    target = output or constraints
+    pruned.save(target)
+    if as_json:
+        _print_json({'output': target, 'pruned': result.pruned, 'untried': result.untried,
+                     'kept': [result.rule_set.rules[i].id for i in result.rule_set.order]})
+        return
+    click.echo(describe_rules(pruned, counters=True))
+    click.echo(f'{len(result.pruned)} rules disabled; written to {target}')
+
+
+@cli.command()
+@click.argument('world')
+@click.option('-o', '--output', required=True, type=click.Path(),
+              help='Directory for policy, metrics and checkpoint.')
+@click.option('--cost', default='true', show_default=True,
+              help="'true': the world's own cost; 'none': unconstrained; or a constraints file.")
+@click.option('--cost-limit', default=25.0, show_default=True, help='Mean cost per episode.')
+@click.option('--steps', default=1_000_000, show_default=True, help='Robot steps.')
+@click.option('--robots', default=64, show_default=True, help='Robots simulated at once.')
+@click.option('--seed', default=0, show_default=True)
+def train(
+    world: str, output: str, cost: str, cost_limit: float, steps: int, robots: int, seed: int
+) -> None:
+    """Train a policy in one process, without ROS.
+
+    \b
+    Example: occ train PointGoal1 --cost constraints.yaml --steps 1000000 -o runs/mine
+    """
+    from occ_constraints_pkg.agents.rule_cost import RuleCost
+    from occ_constraints_pkg.agents.training import TrueCost
+    from occ_constraints_pkg.agents.training import train as run_training
+    from occ_constraints_pkg.rules.constraints_file import load_constraints
+    from occ_constraints_pkg.worlds.registry import make_world
+
+    ppo = _needs_train_extra()
+    config = ppo.PPOLagrangianConfig(cost_limit=cost_limit, lagrangian=cost != 'none')
+    simulated = make_world(world, robots)
+    constraints = None
+    source: Any = TrueCost()
+    if cost not in ('true', 'none'):
+        constraints = load_constraints(cost)
+        source = RuleCost(constraints, simulated)
+    learner = ppo.PPOLagrangian(
+        config, simulated.columns, simulated.action_columns, simulated.name, seed
+    )
+    directory = Path(output)
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OccError(f'cannot write to {output}: {error.strerror}') from error
+    log = directory / 'metrics.jsonl'
+    log.unlink(missing_ok=True)
+    try:
+        with _progress('training', detail=True) as progress:
+            run_training(
+                simulated, learner, source, seed=seed, total_steps=steps, log=log,
+                progress=lambda metrics: progress(
+                    metrics.steps, steps,
+                    f'return {metrics.mean_return:.1f} cost {metrics.mean_cost:.1f} '
+                    f'multiplier {metrics.multiplier:.2f} {metrics.steps_per_s:.0f} steps/s',
+                ),
+            )
+    finally:
+        # A stopped training is not lost.
+        if learner.updates:
+            learner.policy().save(directory / 'policy.npz')
+            learner.save(directory / 'checkpoint.pt')
+            if constraints is not None:
+                counted = constraints.rule_set.with_counts(source.counts)
+                constraints.with_rule_set(counted).save(directory / 'constraints.yaml')
+            click.echo(f'policy, checkpoint and metrics are in {output}')
+        simulated.close()
+
+
+@cli.command()
+@click.argument('policy', type=click.Path())
+@click.option('--world', help="Default: the one the policy was trained on.")
+@click.option('--episodes', default=50, show_default=True)
+@click.option('--seed', default=1, show_default=True)
+@click.option('--explore', is_flag=True, help='Sample actions instead of taking the mean.')
+@_JSON
+def evaluate(
+    policy: str, world: str | None, episodes: int, seed: int, explore: bool, as_json: bool
+) -> None:
+    """Drive fresh episodes with a trained policy; print return and true cost.
+
+    \b
+    Example: occ evaluate runs/mine/policy.npz --episodes 50
+    """
+    from occ_constraints_pkg.agents.evaluation import evaluate as run_evaluation
+    from occ_constraints_pkg.agents.policy import GaussianPolicy
+    from occ_constraints_pkg.worlds.registry import make_world
+
+    trained = GaussianPolicy.load(policy)
+    simulated = make_world(world or trained.world, min(episodes, 64))
+    trained.check_world(simulated.columns, simulated.action_columns)
+    rng = np.random.default_rng(seed) if explore else None
+    result = run_evaluation(
+        simulated, lambda rows: trained.act(rows, rng), episodes=episodes, seed=seed
+    )
+    simulated.close()
+    numbers = result.as_dict()
+    if as_json:
+        _print_json(numbers)
+        return
+    for name, value in numbers.items():
+        click.echo(f'{name}: {value:.3f}')
+
+
+@cli.command(context_settings={'ignore_unknown_options': True, 'allow_extra_args': True})
+@click.argument('name')
+@click.argument('arguments', nargs=-1, type=click.UNPROCESSED)
+def node(name: str, arguments: tuple[str, ...]) -> int:
+    """Run one of the ROS 2 nodes; what follows the name are ROS arguments.
+
+    \b
+    Example: occ node monitor -p constraints_file:=constraints.yaml -r __ns:=/robot1
+    """
+    from occ_constraints_pkg.nodes import run
+
+    given = list(arguments)
+    if given and '--ros-args' not in given:
+        given.insert(0, '--ros-args')
+    return run(name, given)
+
+
+@cli.command()
+@click.argument('topics', nargs=-1)
+@click.option('-o', '--output', required=True, type=click.Path(), help='Directory of the new bag.')
+def record(topics: tuple[str, ...], output: str) -> int:
+    """Record topics (default: all) to a bag until Ctrl-C.
+
+    \b
+    Example: occ record odom scan cmd_vel -o bags/drive_7
+    """
+    from occ_constraints_pkg.nodes import run
+
+    return run('recorder', _parameters(output=output, topics=list(topics)))
+
+
+@cli.command()
+@click.argument('bag', type=click.Path())
+@click.option('--rate', default=1.0, show_default=True, help='Speed, 1.0: as recorded.')
+@click.option('--loop', is_flag=True, help='Start again at the end.')
+@click.option('--topic', 'topics', multiple=True, help='Play only this topic; may be repeated.')
+def play(bag: str, rate: float, loop: bool, topics: tuple[str, ...]) -> int:
+    """Publish the messages of a recording.
+
+    \b
+    Example: occ play bags/drive_7 --rate 2
+    """
+    from occ_constraints_pkg.nodes import run
+
+    return run('player', _parameters(bag=bag, rate=rate, loop=loop, topics=list(topics)))
+
+
+@cli.command()
+@click.option('-o', '--output', default='demo_output', show_default=True, type=click.Path())
+@click.option('--train-seconds', default=90.0, show_default=True)
+def demo(output: str, train_seconds: float) -> int:
+    """Run the whole loop on PointGoal1: record, learn, monitor, train; write a page.
+
+    \b
+    Example: occ demo
+    """
+    from occ_constraints_pkg.experiments.demo import run_demo
+
+    return run_demo(Path(output), train_seconds=train_seconds)
+
+
+@cli.command()
+@click.argument('name', type=click.Choice(['loop']))
+@click.option('--seconds', default=20.0, show_default=True, help='Measured time per form.')
+@_JSON
+def bench(name: str, seconds: float, as_json: bool) -> None:
+    """Measure speed; prints metrics, what ran beside them, machine and versions.
+
+    \b
+    Example: occ bench loop --json
+    """
+    from occ_constraints_pkg.experiments.bench import bench_loop
+
+    result = bench_loop(seconds)
+    if as_json:
+        _print_json(result)
+        return
+    for part in ('metrics', 'peers'):
+        for key, value in result[part].items():
+            click.echo(f'{key}: {value:.4g}')
+
+
+def _needs_train_extra() -> Any:
+    try:
+        from occ_constraints_pkg.agents import ppo_lagrangian
+    except ModuleNotFoundError as error:
+        if error.name != 'torch':
+            raise
+        raise OccError(
+            "training needs the extra 'train': pip install 'occ_constraints_pkg[train]'"
+        ) from error
+    return ppo_lagrangian
+
+
+def _parameters(**values: Any) -> list[str]:
+    """Return node parameters as ROS arguments; empty ones are left to their defaults."""
+    arguments = ['--ros-args']
+    for name, value in values.items():
+        if value not in ('', []):
+            arguments += ['-p', f'{name}:={json.dumps(value)}']
+    return arguments
+
+
+@contextmanager
+def _progress(label: str, *, detail: bool = False) -> Iterator[Callable[..., None]]:
+    """Show a bar on stderr, only on a terminal; yields ``update(done, total, text='')``."""
+    hidden = not sys.stderr.isatty()
+    with click.progressbar(
+        length=1, label=label, file=sys.stderr, hidden=hidden,
+        item_show_func=(lambda text: text) if detail else None,
+    ) as bar:
+
+        def update(done: int, total: int, text: str = '') -> None:
+            if hidden:
+                return
+            bar.length = total
+            bar.update(done - bar.pos, text)
+
+        yield update
+
+
+def _print_json(value: Any) -> None:
+    click.echo(json.dumps(value, indent=2, allow_nan=False, default=_plain))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f'cannot write {type(value).__name__} as JSON')
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None

@@ -1,0 +1,241 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""YAML documents that people edit: read safely, checked against a schema, written readably."""
+
+from __future__ import annotations
+
+import difflib
+import io
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jsonschema import Draft202012Validator, ValidationError
+from jsonschema.exceptions import best_match
+from ruamel.yaml import YAML
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.events import AliasEvent
+
+from occ_constraints_pkg.errors import OccError
+
+
+def load_schema(package: str, name: str) -> dict[str, Any]:
+    """Return a JSON schema that is stored as package data next to the code that uses it."""
+    return json.loads(resources.files(package).joinpath(name).read_text(encoding='utf-8'))
+
+
+def read_document(path: str | Path, schema: Mapping[str, Any]) -> Any:
+    """Read a YAML file and check it against ``schema``.
+
+    Raises:
+        OccError: the file cannot be read, is not YAML, or breaks the schema.
+    """
+    return parse_document(read_text(path), schema, str(path))
+
+
+def read_text(path: str | Path) -> str:
+    """Return the text of a UTF-8 file.
+
+    Raises:
+        OccError: there is no such file, or it is not text.
+    """
+    try:
+        return Path(path).read_text(encoding='utf-8')
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else 'it is not UTF-8 text'
+        raise OccError(f'cannot read {path}: {reason}') from error
+
+
+def parse_document(text: str, schema: Mapping[str, Any], where: str) -> Any:
+    """Parse YAML text and check it against ``schema``; errors name ``where`` and the line.
+
+    Raises:
+        OccError: the text is not YAML or breaks the schema.
+    """
+    document = parse_yaml(text, where)
+    validate(document, schema, where, text=text)
+    return document
+
+
+def parse_yaml(text: str, where: str) -> Any:
+    """Parse YAML 1.2 into plain Python values; tags that would build other objects are refused.
+
+    Aliases are refused too: a few lines of them can stand for more data than fits in memory, and
+    our documents have no use for them.
+
+    Raises:
+        OccError: the text is not such a document; the sentence names ``where`` and the line.
+    """
+    try:
+        if '*' in text and '&' in text:
+            for event in _yaml().parse(text):
+                if isinstance(event, AliasEvent):
+                    line = event.start_mark.line + 1
+                    raise OccError(
+                        f'{where}, line {line}: got the alias *{event.anchor}; '
+                        f'write the value out instead, aliases are not allowed'
+                    )
+        return _yaml().load(text)
+    except MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        line = '' if mark is None else f', line {mark.line + 1}'
+        problem = ' '.join((error.problem or error.context or 'unreadable').split())
+        raise OccError(f'{where}{line} is not valid YAML: {problem}') from error
+    except (YAMLError, ValueError, RecursionError) as error:
+        problem = str(error).strip().partition('\n')[0] or type(error).__name__
+        raise OccError(f'{where} is not valid YAML: {problem}') from error
+
+
+def validate(
+    document: Any, schema: Mapping[str, Any], where: str, *, text: str | None = None
+) -> None:
+    """Check a document against a JSON schema (draft 2020-12).
+
+    Args:
+        document: plain Python values.
+        schema: the JSON schema.
+        where: what the sentence calls the document, usually its file name.
+        text: the YAML text the document came from; with it the sentence names the line.
+
+    Raises:
+        OccError: one sentence ``WHERE, line N: key.path: got X; allowed ...`` on the error that
+            matters most: an unknown key comes first, for its misspelling explains a missing one.
+    """
+    errors = list(Draft202012Validator(schema).iter_errors(document))
+    if not errors:
+        return
+    unknown = [error for error in errors if error.validator == 'additionalProperties']
+    error = unknown[0] if unknown else best_match(errors)
+    path = list(error.absolute_path)
+    sentence = _sentence(error)
+    if error in unknown:
+        path.append(_unknown_keys(error)[0])
+    line = None if text is None else _line(text, path)
+    place = where if line is None else f'{where}, line {line}'
+    raise OccError(f'{place}: {key_path(path)}{sentence}')
+
+
+def key_path(path: Iterable[str | int]) -> str:
+    """Render a path into a document as ``features[2].bounds: ``, and the top as nothing."""
+    text = ''
+    for step in path:
+        text += f'[{step}]' if isinstance(step, int) else f'.{step}' if text else str(step)
+    return f'{text}: ' if text else ''
+
+
+def did_you_mean(got: str, allowed: Iterable[str]) -> str:
+    """Return ``; did you mean 'x'?`` for the allowed word closest to ``got``, or nothing."""
+    close = difflib.get_close_matches(str(got), list(allowed), n=1)
+    return f'; did you mean {close[0]!r}?' if close else ''
+
+
+def dump_yaml(document: Any) -> str:
+    """Write a document of plain values and NumPy numbers as readable YAML 1.2.
+
+    Floats come back bit for bit (shortest repr; ``.inf`` and ``.nan`` as YAML spells them), keys
+    keep their order, the innermost lists and mappings stand on one line, and there are no aliases.
+    """
+    stream = io.StringIO()
+    _yaml().dump(_plain(document), stream)
+    return stream.getvalue()
+
+
+def _yaml() -> YAML:
+    yaml = YAML(typ='safe', pure=True)
+    yaml.default_flow_style = None
+    yaml.sort_base_mapping_type_on_output = False
+    yaml.allow_unicode = True
+    yaml.width = 100
+    return yaml
+
+
+def _plain(value: Any) -> Any:
+    """Copy ``value`` into dicts, lists and Python scalars, all that the safe dumper knows."""
+    if isinstance(value, Mapping):
+        return {_plain(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    if isinstance(value, Sequence) and not isinstance(value, str | bytes):
+        return [_plain(item) for item in value]
+    return value
+
+
+def _sentence(error: ValidationError) -> str:
+    """Say in words what one jsonschema error found and what it would take."""
+    got, rule = error.instance, error.validator_value
+    match error.validator:
+        case 'additionalProperties':
+            names = list(error.schema.get('properties', {}))
+            key = _unknown_keys(error)[0]
+            hint = did_you_mean(key, names) or ';'
+            return f'unknown key{hint} allowed keys are {", ".join(names)}'
+        case 'required':
+            missing = [key for key in rule if key not in got]
+            return f'the key {missing[0]!r} is missing; required are {", ".join(rule)}'
+        case 'type':
+            kinds = [rule] if isinstance(rule, str) else rule
+            return f'got {_show(got)}; allowed is {" or ".join(_KINDS[kind] for kind in kinds)}'
+        case 'enum':
+            hint = did_you_mean(got, rule) if isinstance(got, str) else ''
+            return f'got {_show(got)}{hint or ";"} allowed are {", ".join(map(str, rule))}'
+        case 'const':
+            return f'got {_show(got)}; allowed is {_show(rule)}'
+        case 'oneOf' | 'anyOf' if all('required' in branch for branch in rule):
+            keys = [key for branch in rule for key in branch['required']]
+            found = [key for key in keys if key in got]
+            number = 'exactly' if error.validator == 'oneOf' else 'at least'
+            return f'got {", ".join(found) or "none"} of the keys {", ".join(keys)}; ' + (
+                f'{number} one of them is allowed'
+            )
+    limit = _LIMITS.get(error.validator)
+    allowed = f'{limit} {_show(rule)}' if limit else error.schema.get('description', error.message)
+    return f'got {_show(got)}; allowed is {allowed}'
+
+
+_KINDS = {
+    'object': 'a mapping of keys',
+    'array': 'a list',
+    'string': 'text',
+    'number': 'a number',
+    'integer': 'a whole number',
+    'boolean': 'true or false',
+    'null': 'null',
+}
+_LIMITS = {
+    'minimum': 'a number of at least',
+    'maximum': 'a number of at most',
+    'exclusiveMinimum': 'a number above',
+    'exclusiveMaximum': 'a number below',
+    'minItems': 'a list no shorter than',
+    'maxItems': 'a list no longer than',
+    'minLength': 'text no shorter than',
+}
+
+
+def _unknown_keys(error: ValidationError) -> list[str]:
+    return [key for key in error.instance if key not in error.schema.get('properties', {})]
+
+
+def _show(value: Any) -> str:
+    text = 'null' if value is None else repr(value)
+    return text if len(text) <= 60 else f'{text[:57]}...'
+
+
+def _line(text: str, path: Sequence[str | int]) -> int | None:
+    """Return the line, from 1, of the key at ``path``, or of the closest place above it."""
+    try:
+        node = _yaml().compose(text)
+        line = node.start_mark.line
+        for step in path:
+            if isinstance(step, int):
+                node = node.value[step]
+                line = node.start_mark.line
+            else:
+                key, node = next(pair for pair in node.value if pair[0].value == str(step))
+                line = key.start_mark.line
+    except (YAMLError, AttributeError, IndexError, StopIteration, TypeError):
+        return None
+    return line + 1

@@ -1,0 +1,167 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Division of one attribute into target intervals (OC-tree article, division and impurity)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import find_peaks
+
+from occ_constraints_pkg.learning.density import Density, bandwidth, estimate
+from occ_constraints_pkg.learning.settings import OCTreeSettings
+
+
+@dataclass(frozen=True)
+class Division:
+    """Disjoint closed intervals of one attribute, in ascending order.
+
+    Attributes:
+        intervals: (m, 2) left and right bounds, both belonging to the interval.
+        counts: (m,) training samples inside each.
+        impurity: the article's proxy of the Gini impurity; smaller is purer.
+    """
+
+    intervals: np.ndarray
+    counts: np.ndarray
+    impurity: float
+
+
+def divide(
+    ordered: np.ndarray, extent: tuple[float, float], total: int, settings: OCTreeSettings
+) -> Division | None:
+    """Divide one attribute at one node: clip, revise, assess, shrink, and rate the result.
+
+    Args:
+        ordered: (n,) the node's values of the attribute, ascending.
+        extent: the node's present interval of the attribute.
+        total: number of samples the whole tree is trained on.
+        settings: the learner's parameters.
+
+    Returns:
+        The division, or ``None`` when the attribute is not eligible, no interval holds enough
+        samples, or the one interval found is the node's own.
+    """
+    if not is_eligible(ordered):
+        return None
+    density = estimate(ordered)
+    pieces = clip(density, clip_level(density, ordered, settings))
+    pieces = revise(density, pieces, settings.alpha)
+    intervals, counts = assess_and_shrink(ordered, pieces, settings.beta * total)
+    if not len(intervals) or (len(intervals) == 1 and tuple(intervals[0]) == extent):
+        return None
+    return Division(intervals, counts, impurity(ordered, intervals, counts, extent))
+
+
+def is_eligible(ordered: np.ndarray) -> bool:
+    """Tell whether an attribute may be divided (article, local pre-pruning, rules 1 and 3).
+
+    Not when all values are equal, and not when the bandwidth is below the smallest step between
+    distinct values: then the data are quantised and a density makes no sense.
+    """
+    if ordered[0] == ordered[-1]:
+        return False
+    steps = np.diff(ordered)
+    return bool(bandwidth(ordered) >= steps[steps > 0].min())
+
+
+def clip_level(density: Density, ordered: np.ndarray, settings: OCTreeSettings) -> float:
+    """Return the density below which the attribute's values count as outliers.
+
+    ``density`` clipping is the article's: a share gamma of the largest density. ``mass``
+    clipping, our extension, keeps the densest region that holds a share 1 - tail of the samples:
+    a spike at one value, as of an empty lidar bin, cannot then cut off everything else.
+    """
+    if settings.clip == 'density':
+        return settings.gamma * float(density.values.max())
+    return float(np.quantile(density.at(ordered), settings.tail, method='lower'))
+
+
+def clip(density: Density, level: float) -> list[tuple[float, float]]:
+    """Return the stretches where the density is at least ``level`` (article, step a).
+
+    Ends lie where the density, linear between grid points, crosses the level.
+    """
+    inside = np.concatenate(([False], density.values >= level, [False]))
+    rises = np.flatnonzero(~inside[:-1] & inside[1:])
+    falls = np.flatnonzero(inside[:-1] & ~inside[1:]) - 1
+    return [
+        (_crossing(density, start - 1, start, level), _crossing(density, end, end + 1, level))
+        for start, end in zip(rises, falls, strict=True)
+    ]
+
+
+def _crossing(density: Density, left: int, right: int, level: float) -> float:
+    if left < 0:
+        return float(density.grid[0])
+    if right >= len(density.grid):
+        return float(density.grid[-1])
+    below, above = density.values[left], density.values[right]
+    share = (level - below) / (above - below)
+    return float(density.grid[left] + share * (density.grid[right] - density.grid[left]))
+
+
+def revise(
+    density: Density, pieces: list[tuple[float, float]], alpha: float
+) -> list[tuple[float, float]]:
+    """Split pieces at significant minima of the density (article, step b).
+
+    A minimum between two neighbouring maxima is significant when it is at most ``alpha`` times
+    the lower of the two. Nothing is split unless there are more modes than pieces.
+    """
+    peaks, _ = find_peaks(np.concatenate(([0.0], density.values, [0.0])))
+    peaks -= 1
+    if not pieces or len(peaks) <= len(pieces):
+        return pieces
+    cuts = []
+    for left, right in zip(peaks[:-1], peaks[1:], strict=True):
+        lowest = left + int(np.argmin(density.values[left : right + 1]))
+        heights = density.values[left], density.values[right]
+        if density.values[lowest] <= alpha * min(heights):
+            cuts.append(float(density.grid[lowest]))
+    revised = []
+    for low, high in pieces:
+        ends = [low, *(cut for cut in cuts if low < cut < high), high]
+        revised.extend(zip(ends[:-1], ends[1:], strict=True))
+    return revised
+
+
+def assess_and_shrink(
+    ordered: np.ndarray, pieces: list[tuple[float, float]], least: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Drop pieces with fewer than ``least`` samples, shrink the rest (article, steps c and d).
+
+    Pieces are half-open where they touch, so no sample belongs to two.
+
+    Returns:
+        (m, 2) smallest and largest sample of each piece kept, and (m,) their sample counts.
+    """
+    starts = np.searchsorted(ordered, [low for low, _ in pieces], side='left')
+    ends = np.searchsorted(ordered, [high for _, high in pieces], side='right')
+    ends[:-1] = np.minimum(ends[:-1], starts[1:])
+    counts = ends - starts
+    keep = (counts > 0) & (counts >= least)
+    intervals = np.stack([ordered[starts[keep]], ordered[ends[keep] - 1]], axis=1)
+    return intervals, counts[keep]
+
+
+def impurity(
+    ordered: np.ndarray, intervals: np.ndarray, counts: np.ndarray, extent: tuple[float, float]
+) -> float:
+    """Return the proxy of the Gini impurity against virtual uniform outliers (article, eq. for I_G).
+
+    As many outliers as samples are thought to be spread evenly over the node's interval; each
+    part, target intervals and what lies between them alike, adds n n' / (n + n').
+    """
+    low, high = extent
+    edges = np.concatenate(([low], intervals.ravel(), [high]))
+    lengths = np.diff(edges)
+    outliers = len(ordered) * lengths / (high - low)
+    samples = np.zeros(len(lengths))
+    samples[1::2] = counts
+    first = np.searchsorted(ordered, intervals[:, 0], side='left')
+    last = np.searchsorted(ordered, intervals[:, 1], side='right')
+    samples[0::2] = np.concatenate((first, [len(ordered)])) - np.concatenate(([0], last))
+    both = samples + outliers
+    return float(np.sum(np.divide(samples * outliers, both, out=np.zeros_like(both), where=both > 0)))

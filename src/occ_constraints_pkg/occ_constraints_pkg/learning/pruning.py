@@ -1,0 +1,58 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Pruning of rules that are rarely violated when they are tried (paper, "Refining")."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.rules.ruleset import RuleSet
+
+
+@dataclass(frozen=True)
+class Pruning:
+    """What pruning did.
+
+    Attributes:
+        rule_set: the same rules, the pruned ones disabled with the reason in their note.
+        pruned: ids of the rules now disabled.
+        untried: ids of enabled rules that were never tried; there is no evidence against them,
+            so they stay.
+    """
+
+    rule_set: RuleSet
+    pruned: tuple[str, ...]
+    untried: tuple[str, ...]
+
+
+def prune(rule_set: RuleSet, threshold: float) -> Pruning:
+    """Disable the rules whose share of violations among evaluations is below ``threshold``.
+
+    The counters are those the rules carry; they come from samples of a learner that seeks
+    reward, so a rule that is never violated guards a region nobody wants to visit.
+
+    Raises:
+        OccError: the threshold is not within 0 to 1, or no rule was ever tried.
+    """
+    if not 0.0 <= threshold <= 1.0:
+        raise OccError(f'the pruning threshold is {threshold}; allowed is 0 to 1')
+    if not any(rule.evaluated for rule in rule_set.rules if rule.enabled):
+        raise OccError(
+            'no enabled rule has been evaluated yet, so there is nothing to prune by; run the '
+            'monitor or the learner with these rules first'
+        )
+    rules, pruned, untried = [], [], []
+    for rule in rule_set.rules:
+        if rule.enabled and not rule.evaluated:
+            untried.append(rule.id)
+        elif rule.enabled and rule.violated < threshold * rule.evaluated:
+            reason = (
+                f'pruned: violated {rule.violated} of {rule.evaluated} times, '
+                f'below {threshold:g}'
+            )
+            note = f'{rule.note}; {reason}' if rule.note else reason
+            rule = replace(rule, enabled=False, note=note)
+            pruned.append(rule.id)
+        rules.append(rule)
+    return Pruning(replace(rule_set, rules=tuple(rules)), tuple(pruned), tuple(untried))

@@ -1,0 +1,75 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""The one-class tree: nested intervals whose leaves are boxes around the demonstrations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Branch:
+    """One target interval of a split and what lies below it.
+
+    Attributes:
+        low: left bound, inclusive.
+        high: right bound, inclusive.
+        samples: training samples inside this branch.
+        node: the subtree.
+    """
+
+    low: float
+    high: float
+    samples: int
+    node: Node
+
+
+@dataclass(frozen=True)
+class Node:
+    """A leaf (no feature, no branches) or a split of one feature into disjoint intervals.
+
+    Attributes:
+        feature: position of the split feature, ``None`` at a leaf.
+        branches: in ascending order of their intervals; at least one at a split.
+    """
+
+    feature: int | None = None
+    branches: tuple[Branch, ...] = field(default=())
+
+    def leaf_boxes(self, features: int) -> np.ndarray:
+        """Return the (leaves, features, 2) closed boxes of all leaves, infinite where uncut."""
+        box = np.full((features, 2), [-np.inf, np.inf])
+        return np.array(list(self._boxes(box)))
+
+    def _boxes(self, box: np.ndarray) -> Iterator[np.ndarray]:
+        if self.feature is None:
+            yield box
+        for branch in self.branches:
+            inner = box.copy()
+            low, high = inner[self.feature]
+            inner[self.feature] = max(low, branch.low), min(high, branch.high)
+            yield from branch.node._boxes(inner)
+
+    def contains(self, values: np.ndarray) -> np.ndarray:
+        """Tell for each row of (n, k) finite values whether it lies in some leaf's box: (n,)."""
+        inside = np.zeros(len(values), dtype=bool)
+        self._mark(values, np.arange(len(values)), inside)
+        return inside
+
+    def _mark(self, values: np.ndarray, rows: np.ndarray, inside: np.ndarray) -> None:
+        if self.feature is None:
+            inside[rows] = True
+            return
+        column = values[rows, self.feature]
+        for branch in self.branches:
+            branch.node._mark(values, rows[(column >= branch.low) & (column <= branch.high)], inside)
+
+    @property
+    def depth(self) -> int:
+        """Number of levels of splits."""
+        if self.feature is None:
+            return 0
+        return 1 + max(branch.node.depth for branch in self.branches)

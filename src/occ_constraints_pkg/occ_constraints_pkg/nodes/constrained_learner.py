@@ -1,0 +1,137 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Node ``constrained_learner``: trains a policy on observations and the monitor's costs."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from pathlib import Path
+
+import numpy as np
+from sensor_msgs.msg import PointCloud2
+
+from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian, PPOLagrangianConfig
+from occ_constraints_pkg.agents.training import append_metrics
+from occ_constraints_pkg.bags.table import Table
+from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.ros.lockstep import Pairing
+from occ_constraints_pkg.ros.messages import table_message, to_nanoseconds
+from occ_constraints_pkg.ros.process import OccNode, run_node
+from occ_constraints_pkg.ros.qos import STEPS, VERDICTS, overridable
+from occ_constraints_pkg.ros.tables import action_table, step_batch
+from occ_constraints_pkg.rules.verdict import Verdict
+from occ_constraints_pkg.worlds.registry import world_class
+
+
+class ConstrainedLearner(OccNode):
+    """Acts when it holds observation and costs of one stamp; updates when its rollout is full."""
+
+    def __init__(self) -> None:
+        super().__init__('constrained_learner')
+        output = self.parameter('output', 'training', 'directory for policy, metrics, checkpoint')
+        self._total = self.parameter(
+            'total_steps', 1_000_000, 'robot steps after which training ends', low=1
+        )
+        self._seconds = self.parameter(
+            'seconds', 0.0, 'wall time from the first step after which it ends; 0: no limit',
+            low=0.0,
+        )
+        self._seed = self.parameter('seed', 0, 'seed of weights and exploration', low=0)
+        defaults = PPOLagrangianConfig()
+        self._config = PPOLagrangianConfig(
+            cost_limit=self.parameter(
+                'cost_limit', defaults.cost_limit, 'mean cost per episode to stay under', low=0.0
+            ),
+            rollout_steps=self.parameter(
+                'rollout_steps', defaults.rollout_steps, 'steps per robot and update', low=2
+            ),
+            device=self.parameter('device', defaults.device, 'torch device, cpu or cuda'),
+        )
+        self._output = Path(output)
+        try:
+            self._output.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise OccError(f'cannot write to {output}: {error.strerror}') from error
+        self._log = self._output / 'metrics.jsonl'
+        self._log.unlink(missing_ok=True)
+        self._learner: PPOLagrangian | None = None
+        self._names: tuple[str, ...] = ()
+        self._began = 0.0
+        self._answered: int | None = None
+        self._answer: PointCloud2 | None = None
+
+        self._action = self.create_publisher(
+            PointCloud2, 'action', STEPS, qos_overriding_options=overridable()
+        )
+        self._training = self.create_publisher(
+            PointCloud2, 'training', VERDICTS, qos_overriding_options=overridable()
+        )
+        pairing = Pairing(self._on_step)
+        for topic, callback in (('observation', pairing.on_first), ('costs', pairing.on_second)):
+            self.create_subscription(
+                PointCloud2, topic, callback, STEPS, qos_overriding_options=overridable()
+            )
+
+    def _on_step(self, observation: PointCloud2, costs: PointCloud2) -> None:
+        stamp = to_nanoseconds(observation.header.stamp)
+        if stamp == self._answered:
+            # A repeat: the answer was lost or crossed with it. Nothing is learned twice.
+            self._action.publish(self._answer)
+            return
+        verdicts = Table.from_message(costs)
+        if (verdicts.column('verdict') == Verdict.UNKNOWN).any():
+            # An unjudged state has no cost to learn from; the monitor may judge its repeat.
+            self.get_logger().warning(
+                'waiting: the monitor says UNKNOWN', throttle_duration_sec=5.0
+            )
+            return
+        table = Table.from_message(observation)
+        world = observation.header.frame_id
+        learner = self._learner or self._start(world)
+        updates = learner.updates
+        action = learner.act(step_batch(table), verdicts.column('cost'))
+        answer = action_table(world_class(world).action_columns, action)
+        self._answer = table_message(answer, stamp, world)
+        self._answered = stamp
+        self._action.publish(self._answer)
+        if learner.updates > updates:
+            self._report(stamp)
+        limit = self._seconds or math.inf
+        if learner.steps >= self._total or time.monotonic() - self._began >= limit:
+            self.finish()
+
+    def _start(self, world: str) -> PPOLagrangian:
+        kind = world_class(world)
+        self._learner = PPOLagrangian(
+            self._config, kind.columns, kind.action_columns, world, self._seed
+        )
+        self._began = time.monotonic()
+        self.get_logger().info(f'training on {world}')
+        return self._learner
+
+    def _report(self, stamp: int) -> None:
+        metrics = self._learner.metrics
+        numbers = metrics.as_dict()
+        append_metrics(self._log, metrics)
+        values = np.array([list(numbers.values())], dtype=np.float64)
+        self._training.publish(table_message(Table(tuple(numbers), values), stamp))
+        self.get_logger().info(
+            f'{metrics.steps} steps: return {metrics.mean_return:.2f}, '
+            f'cost {metrics.mean_cost:.1f}, multiplier {metrics.multiplier:.3f}'
+        )
+
+    def close(self) -> None:
+        """Save policy and checkpoint, so that a stopped training is not lost."""
+        if self._learner is not None and self._learner.updates:
+            self._learner.policy().save(self._output / 'policy.npz')
+            self._learner.save(self._output / 'checkpoint.pt')
+            summary = {'steps': self._learner.steps, 'updates': self._learner.updates}
+            (self._output / 'summary.json').write_text(json.dumps(summary), encoding='utf-8')
+            self.get_logger().info(f'policy and checkpoint saved in {self._output}')
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the node."""
+    return run_node(ConstrainedLearner, argv)

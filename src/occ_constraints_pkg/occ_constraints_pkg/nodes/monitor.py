@@ -1,0 +1,229 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Node ``monitor``: judges live topics by a rule set, and says which rule is broken and how far."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Float64, String
+from std_srvs.srv import SetBool, Trigger
+from visualization_msgs.msg import MarkerArray
+
+from occ_constraints_pkg.bags.extract import FeatureExtractor, FeatureRows
+from occ_constraints_pkg.bags.feature_map import FeatureMap
+from occ_constraints_pkg.bags.table import Table
+from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.learning.pruning import prune
+from occ_constraints_pkg.ros.diagnostics import status, unknown_message, violation_message
+from occ_constraints_pkg.ros.mapped_topics import MappedTopics
+from occ_constraints_pkg.ros.markers import verdict_marker
+from occ_constraints_pkg.ros.messages import table_message, to_time
+from occ_constraints_pkg.ros.process import OccNode, run_node
+from occ_constraints_pkg.ros.qos import LATCHED, VERDICTS, overridable
+from occ_constraints_pkg.ros.tables import RULE_COLUMNS, costs_table
+from occ_constraints_pkg.rules import Judgement, RuleCounts, Verdict
+from occ_constraints_pkg.rules.constraints_file import (
+    Constraints,
+    load_constraints,
+    parse_constraints,
+)
+
+_REPORT_SECONDS = 1.0
+
+
+@dataclass
+class _Answer:
+    """What was published for the newest input; published again when the input is repeated."""
+
+    rows: FeatureRows
+    judgement: Judgement
+
+
+class Monitor(OccNode):
+    """Publishes cost, verdict and margin for every row of features."""
+
+    def __init__(self) -> None:
+        super().__init__('monitor')
+        path = self.parameter(
+            'constraints_file', '', 'rules to start with; none: wait for the topic constraints'
+        )
+        self._timeout = self.parameter(
+            'timeout', 1.0, 'seconds without input until the verdict is UNKNOWN', low=0.01
+        )
+        self._threshold = self.parameter(
+            'prune_threshold', 0.001, 'share of violations under which ~/prune disables a rule',
+            low=0.0, high=1.0,
+        )
+        self._pruned_file = self.parameter(
+            'pruned_file', '', 'where ~/prune writes the constraints file; none: nowhere'
+        )
+        self._enabled = self.parameter('enabled', True, 'judge from the start; see ~/enable')
+
+        self._constraints: Constraints | None = None
+        self._counts: RuleCounts | None = None
+        self._extractor: FeatureExtractor | None = None
+        self._topics: MappedTopics | None = None
+        self._answer: _Answer | None = None
+        self._heard = self.steady_seconds()
+        self._is_stale = False
+
+        self._cost = self._publisher(Float64, 'cost')
+        self._costs = self._publisher(PointCloud2, 'costs')
+        self._violation = self._publisher(DiagnosticArray, 'violation')
+        self._rule_stats = self._publisher(PointCloud2, 'rule_stats')
+        self._markers = self._publisher(MarkerArray, 'markers')
+        self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        self.create_subscription(
+            String, 'constraints', self._on_constraints, LATCHED,
+            qos_overriding_options=overridable(),
+        )
+        self.create_service(Trigger, '~/prune', self._on_prune)
+        self.create_service(Trigger, '~/reset_stats', self._on_reset_stats)
+        self.create_service(SetBool, '~/enable', self._on_enable)
+        self.steady_timer(min(self._timeout / 2, 0.1), self._watch)
+        self.steady_timer(_REPORT_SECONDS, self._report)
+        if path:
+            self._use(load_constraints(path), path)
+
+    def _publisher(self, kind: Any, topic: str) -> Any:
+        return self.create_publisher(
+            kind, topic, VERDICTS, qos_overriding_options=overridable()
+        )
+
+    def _on_constraints(self, message: String) -> None:
+        try:
+            self._use(parse_constraints(message.data, 'topic constraints'), 'topic constraints')
+        except OccError as error:
+            self.get_logger().error(f'rule set refused, the one before stays: {error}')
+
+    def _use(self, constraints: Constraints, where: str) -> None:
+        if constraints.feature_map is None:
+            raise OccError(f'{where} has no feature_map, so no topic gives its features')
+        feature_map = FeatureMap.from_document(constraints.feature_map, where)
+        rule_set = constraints.rule_set
+        if feature_map.names != rule_set.space.names:
+            raise OccError(
+                f'{where}: feature_map gives {", ".join(feature_map.names)}, but the rules speak '
+                f'of {", ".join(rule_set.space.names)}'
+            )
+        if self._topics is not None:
+            self._topics.close()
+        self._constraints, self._counts = constraints, RuleCounts(rule_set)
+        self._extractor, self._answer = FeatureExtractor(feature_map), None
+        self._topics = MappedTopics(self, feature_map, self._on_input)
+        self.get_logger().info(
+            f'{len(rule_set.order)} enabled rules from {where}, rule set {rule_set.fingerprint}'
+        )
+
+    def _on_input(self, topic: str, message: Any) -> None:
+        try:
+            now = self.get_clock().now().nanoseconds
+            rows = self._extractor.push(topic, message, now)
+        except OccError as error:
+            self.get_logger().error(f'input refused: {error}', throttle_duration_sec=1.0)
+            self._say_unknown(str(error))
+            return
+        if rows is None:
+            return
+        self._heard, self._is_stale = self.steady_seconds(), False
+        if not self._enabled:
+            self._say_unknown('the monitor is disabled')
+            return
+        if not (rows.repeat and self._answer is not None):
+            judgement = self._constraints.rule_set.judge(rows.values)
+            self._counts.add(judgement)
+            self._answer = _Answer(rows, judgement)
+        self._publish(self._answer)
+
+    def _publish(self, answer: _Answer) -> None:
+        judgement, stamp = answer.judgement, answer.rows.stamp_ns
+        self._costs.publish(table_message(costs_table(judgement), stamp))
+        self._cost.publish(Float64(data=float(judgement.cost[0])))
+        rule_set, values = self._constraints.rule_set, answer.rows.values
+        if self._violation.get_subscription_count():
+            self._violation.publish(violation_message(rule_set, values, judgement, stamp))
+        if self._markers.get_subscription_count():
+            self._markers.publish(verdict_marker(rule_set, judgement, stamp))
+
+    def _watch(self) -> None:
+        """Turn to UNKNOWN when the input falls silent; runs on the steady clock."""
+        if self._constraints is None or self._is_stale:
+            return
+        if self.steady_seconds() - self._heard > self._timeout:
+            self._is_stale = True
+            missing = ', '.join(self._topics.missing)
+            self._say_unknown(
+                f'nobody publishes {missing}' if missing else f'no input for {self._timeout:g} s'
+            )
+
+    def _say_unknown(self, reason: str) -> None:
+        stamp = self._answer.rows.stamp_ns if self._answer else 0
+        self._cost.publish(Float64(data=1.0))
+        self._violation.publish(unknown_message(reason, stamp))
+
+    def _report(self) -> None:
+        now = self.get_clock().now().nanoseconds
+        level, text = DiagnosticStatus.OK, 'judging'
+        values: dict[str, object] = {'enabled': self._enabled}
+        if self._constraints is None:
+            level, text = DiagnosticStatus.STALE, 'no rule set yet'
+        else:
+            values['rule_set'] = self._constraints.rule_set.fingerprint
+            counts = np.stack([self._counts.evaluated, self._counts.violated], axis=1)
+            table = Table(RULE_COLUMNS, counts.astype(np.float64))
+            if len(counts):
+                self._rule_stats.publish(table_message(table, now))
+            if not self._enabled:
+                level, text = DiagnosticStatus.WARN, 'disabled'
+            elif self._is_stale or self._answer is None:
+                level, text = DiagnosticStatus.STALE, 'UNKNOWN: no input'
+            elif (self._answer.judgement.verdict == Verdict.VIOLATED).any():
+                level, text = DiagnosticStatus.ERROR, 'VIOLATED'
+        message = DiagnosticArray(status=[status('monitor: judging', level, text, values)])
+        message.header.stamp = to_time(now)
+        self._diagnostics.publish(message)
+
+    def _on_prune(self, _request: Any, response: Any) -> Any:
+        try:
+            if self._constraints is None:
+                raise OccError('there is no rule set yet')
+            result = prune(
+                self._constraints.rule_set.with_counts(self._counts), self._threshold
+            )
+            pruned = self._constraints.with_rule_set(result.rule_set)
+            if self._pruned_file:
+                pruned.save(self._pruned_file)
+            kept = len(result.rule_set.order)
+            self._constraints, self._counts = pruned, RuleCounts(result.rule_set)
+            response.success = True
+            response.message = (
+                f'pruned {len(result.pruned)} rules, kept {kept}'
+                + (f', {len(result.untried)} of them never tried' if result.untried else '')
+                + (f'; written to {self._pruned_file}' if self._pruned_file else '')
+            )
+        except OccError as error:
+            response.success, response.message = False, str(error)
+        return response
+
+    def _on_reset_stats(self, _request: Any, response: Any) -> Any:
+        if self._counts is not None:
+            self._counts.reset()
+        response.success, response.message = True, 'all counters are 0'
+        return response
+
+    def _on_enable(self, request: Any, response: Any) -> Any:
+        self._enabled = bool(request.data)
+        if not self._enabled:
+            self._say_unknown('the monitor is disabled')
+        response.success, response.message = True, 'enabled' if self._enabled else 'disabled'
+        return response
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the node."""
+    return run_node(Monitor, argv)

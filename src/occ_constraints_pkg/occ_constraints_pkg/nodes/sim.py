@@ -1,0 +1,140 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Node ``sim``: a simulated task as topics, in lock-step with whoever acts, or at a fixed rate."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import PointCloud2
+
+from occ_constraints_pkg.bags.table import Table
+from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.ros.messages import table_message, to_nanoseconds, to_time
+from occ_constraints_pkg.ros.process import OccNode, run_node
+from occ_constraints_pkg.ros.qos import STEPS, overridable
+from occ_constraints_pkg.ros.tables import observation_table
+from occ_constraints_pkg.worlds.registry import make_world
+from occ_constraints_pkg.worlds.stream import EpisodeStream
+
+# How often the node looks whether the subscribers it waits for have come.
+_LOOK_SECONDS = 0.05
+
+
+class Sim(OccNode):
+    """Publishes observations and steps on the action that carries the observation's stamp."""
+
+    def __init__(self) -> None:
+        super().__init__('sim')
+        name = self.parameter('world', 'PointGoal1', 'name of the simulated task')
+        robots = self.parameter('num_robots', 1, 'robots simulated at once', low=1)
+        threads = self.parameter('threads', 0, 'threads that step them, 0: one per core', low=0)
+        seed = self.parameter('seed', 0, 'seed of the simulation', low=0)
+        rate = self.parameter(
+            'rate', 0.0, 'steps per second; 0: step as soon as the action is there', low=0.0
+        )
+        repeat_after = self.parameter(
+            'repeat_after', 0.5, 'seconds without an action until a repeat', low=0.01
+        )
+        self._wanted = self.parameter(
+            'wait_for_subscribers', 1, 'subscriptions to observation before the start', low=0
+        )
+        self._episodes = self.parameter(
+            'episodes', 0, 'end when every robot has finished as many episodes; 0: never', low=0
+        )
+        with_clock = self.parameter('publish_clock', False, 'publish simulated time on /clock')
+
+        self._world = make_world(name, robots, threads=threads)
+        self._stream = EpisodeStream(self._world, seed=seed)
+        self._action_names = tuple(column.name for column in self._world.action_columns)
+        # Stamps are identities of steps; a start at wall time keeps them unique over restarts.
+        self._stamp = time.time_ns()
+        self._step_ns = round(self._world.step_seconds * 1e9)
+        self._waiting: np.ndarray | None = None
+        self._message: PointCloud2 | None = None
+        self._in_step = rate == 0.0
+        self._finished = np.zeros(robots, dtype=np.int64)
+
+        self._observation = self.create_publisher(
+            PointCloud2, 'observation', STEPS, qos_overriding_options=overridable()
+        )
+        self._clock_publisher = self.create_publisher(Clock, '/clock', 10) if with_clock else None
+        self.create_subscription(
+            PointCloud2, 'action', self._on_action, STEPS, qos_overriding_options=overridable()
+        )
+        self._start_timer = self.steady_timer(_LOOK_SECONDS, self._start)
+        self._repeat_timer = self.steady_timer(repeat_after, self._repeat)
+        self._repeat_timer.cancel()
+        self._rate_timer = None if self._in_step else self.steady_timer(1.0 / rate, self._tick)
+        if self._rate_timer is not None:
+            self._rate_timer.cancel()
+        self.get_logger().info(
+            f'{name} with {robots} robot(s), waiting for {self._wanted} subscriber(s)'
+        )
+
+    def close(self) -> None:
+        """Release the world."""
+        self._world.close()
+
+    def _start(self) -> None:
+        if self._observation.get_subscription_count() < self._wanted:
+            return
+        self._start_timer.cancel()
+        self._publish(self._stream.reset())
+        self._repeat_timer.reset()
+        if self._rate_timer is not None:
+            self._rate_timer.reset()
+
+    def _on_action(self, message: PointCloud2) -> None:
+        # The answer to an earlier step: a repeat crossed with it on the way.
+        if self._message is None or to_nanoseconds(message.header.stamp) != self._stamp:
+            return
+        try:
+            table = Table.from_message(message)
+            if table.names != self._action_names:
+                raise OccError(
+                    f'an action has the columns {", ".join(table.names)}; '
+                    f'this world takes {", ".join(self._action_names)}'
+                )
+            if self._in_step:
+                self._step(table.values)
+            else:
+                self._waiting = table.values
+        except OccError as error:
+            self.get_logger().error(
+                f'action ignored: {error}', throttle_duration_sec=1.0
+            )
+
+    def _tick(self) -> None:
+        action, self._waiting = self._waiting, None
+        if action is not None:
+            self._step(action)
+
+    def _step(self, action: np.ndarray) -> None:
+        batch = self._stream.step(action)
+        self._stamp += self._step_ns
+        self._publish(batch)
+        if self._episodes:
+            self._finished += batch.done
+            if self._finished.min() >= self._episodes:
+                self.get_logger().info(f'{self._episodes} episode(s) of every robot are over')
+                self.finish()
+
+    def _publish(self, batch) -> None:
+        table = observation_table(self._world.columns, batch)
+        self._message = table_message(table, self._stamp, self._world.name)
+        if self._clock_publisher is not None:
+            self._clock_publisher.publish(Clock(clock=to_time(self._stamp)))
+        self._observation.publish(self._message)
+        self._repeat_timer.reset()
+
+    def _repeat(self) -> None:
+        if self._message is not None:
+            self._observation.publish(self._message)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the node."""
+    return run_node(Sim, argv)

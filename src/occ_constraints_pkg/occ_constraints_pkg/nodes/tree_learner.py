@@ -1,0 +1,119 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Node ``tree_learner``: learns constraints from recordings or live topics and publishes them."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from occ_constraints_pkg.bags.demonstrations import learn_from_recordings
+from occ_constraints_pkg.bags.extract import FeatureExtractor
+from occ_constraints_pkg.bags.feature_map import load_feature_map
+from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.learning.learn import learn
+from occ_constraints_pkg.learning.settings import OCTreeSettings
+from occ_constraints_pkg.ros.mapped_topics import MappedTopics
+from occ_constraints_pkg.ros.process import OccNode, run_node
+from occ_constraints_pkg.ros.qos import LATCHED, overridable
+from occ_constraints_pkg.rules.constraints_file import Constraints, save_learned
+
+
+class TreeLearner(OccNode):
+    """Learns at the start when recordings are given, else collects until ``~/learn`` is called."""
+
+    def __init__(self) -> None:
+        super().__init__('tree_learner')
+        bags = self.parameter('bags', [], 'recordings; none: collect from live topics')
+        name = self.parameter('feature_map', '', 'feature map: a YAML file or a built-in name')
+        self._output = self.parameter('output', '', 'constraints file to write; none: no file')
+        self._overwrite = self.parameter(
+            'overwrite', False, 'replace a file that a person has edited (a copy .bak is kept)'
+        )
+        self._exit = self.parameter('exit_when_done', False, 'end after learning from bags')
+        seed = self.parameter('seed', 0, 'seed of the choice of held-out episodes', low=0)
+        defaults = OCTreeSettings()
+        depth = self.parameter('max_depth', defaults.max_depth, 'most levels of splits', low=0)
+        chosen = {
+            field.name: self.parameter(
+                field.name, getattr(defaults, field.name), 'see docs/method.md'
+            )
+            for field in fields(defaults)
+            if field.name not in ('max_depth', 'nu')
+        }
+        nu = self.parameter('nu', 1.0, 'share of samples that may lie outside; 1: any', high=1.0)
+        self._settings = OCTreeSettings(max_depth=depth, nu=None if nu >= 1.0 else nu, **chosen)
+        if not name:
+            raise OccError(
+                "parameter 'feature_map' of node 'tree_learner' is missing; "
+                'give a YAML file or a built-in name'
+            )
+        self._map = load_feature_map(name)
+        self._rng = np.random.default_rng(seed)
+        self._extractor = FeatureExtractor(self._map)
+        self._rows: list[np.ndarray] = []
+        self._episodes: list[np.ndarray] = []
+        self._publisher = self.create_publisher(
+            String, 'constraints', LATCHED, qos_overriding_options=overridable()
+        )
+        self.create_service(Trigger, '~/learn', self._on_learn)
+        if bags:
+            self.get_logger().info(f'learning from {", ".join(bags)}')
+            self._hand_out(
+                learn_from_recordings(bags, self._map, self._settings, rng=self._rng)
+            )
+            if self._exit:
+                self.finish()
+        else:
+            self._topics = MappedTopics(self, self._map, self._on_input)
+
+    def _on_input(self, topic: str, message: Any) -> None:
+        try:
+            rows = self._extractor.push(topic, message, self.get_clock().now().nanoseconds)
+        except OccError as error:
+            self.get_logger().error(f'input refused: {error}', throttle_duration_sec=1.0)
+            return
+        if rows is None or rows.repeat:
+            return
+        self._rows.append(rows.values)
+        robots = np.arange(len(rows.values))
+        if rows.table is not None and 'episode' in rows.table.names:
+            # One number per robot and episode.
+            self._episodes.append(robots + len(robots) * rows.table.column('episode'))
+        else:
+            self._episodes.append(np.zeros(len(robots)))
+
+    def _on_learn(self, _request: Any, response: Any) -> Any:
+        try:
+            if not self._rows:
+                raise OccError('no sample has been received yet')
+            constraints = learn(
+                np.concatenate(self._rows),
+                np.concatenate(self._episodes),
+                self._map.space,
+                self._settings,
+                rng=self._rng,
+                feature_map=self._map.to_document(),
+            )
+            response.success, response.message = True, self._hand_out(constraints)
+        except OccError as error:
+            response.success, response.message = False, str(error)
+        return response
+
+    def _hand_out(self, constraints: Constraints) -> str:
+        text = f'{len(constraints.rule_set.rules)} rules learned'
+        if self._output:
+            save_learned(constraints, self._output, overwrite=self._overwrite)
+            text += f', written to {self._output}'
+        self._publisher.publish(String(data=constraints.dumps()))
+        self.get_logger().info(text)
+        return text
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the node."""
+    return run_node(TreeLearner, argv)

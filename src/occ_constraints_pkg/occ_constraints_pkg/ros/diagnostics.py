@@ -1,0 +1,117 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Verdicts in words: DiagnosticArray messages for people and viewers."""
+
+from __future__ import annotations
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+
+from occ_constraints_pkg.ros.messages import to_time
+from occ_constraints_pkg.rules.ruleset import RuleSet
+from occ_constraints_pkg.rules.verdict import Judgement, Verdict
+
+# Robots of a batch that one message describes at most.
+_MOST_ROBOTS = 4
+_LEVELS = {
+    Verdict.SAFE: DiagnosticStatus.OK,
+    Verdict.VIOLATED: DiagnosticStatus.ERROR,
+    Verdict.UNKNOWN: DiagnosticStatus.STALE,
+}
+
+
+def violation_message(
+    rule_set: RuleSet, values: np.ndarray, judgement: Judgement, stamp_ns: int
+) -> DiagnosticArray:
+    """Describe a single robot, or the first few of a batch that are not safe.
+
+    For each robot one status with the verdict, then one for every enabled rule it violates, with
+    the rule's id, text, formula, margin and the values of the features it speaks of.
+
+    Args:
+        rule_set: the rules that judged.
+        values: (n, k) the features judged.
+        judgement: of the n rows.
+        stamp_ns: stamp of the input.
+    """
+    robots = np.flatnonzero(judgement.verdict != Verdict.SAFE)[:_MOST_ROBOTS]
+    if not len(robots):
+        robots = np.array([0])
+    message = DiagnosticArray()
+    message.header.stamp = to_time(stamp_ns)
+    message.status = [
+        status
+        for robot in robots
+        for status in _robot_statuses(rule_set, values[robot], judgement, int(robot))
+    ]
+    return message
+
+
+def unknown_message(reason: str, stamp_ns: int) -> DiagnosticArray:
+    """Say that nothing can be judged, and why; ``stamp_ns`` is that of the last input."""
+    message = DiagnosticArray()
+    message.header.stamp = to_time(stamp_ns)
+    message.status = [status('monitor: verdict', DiagnosticStatus.STALE, f'UNKNOWN: {reason}')]
+    return message
+
+
+def status(
+    name: str, level: bytes, text: str, values: dict[str, object] | None = None, robot: int = 0
+) -> DiagnosticStatus:
+    """Build one status; values become strings."""
+    return DiagnosticStatus(
+        name=name,
+        level=level,
+        message=text,
+        hardware_id=f'robot {robot}',
+        values=[KeyValue(key=key, value=_text(value)) for key, value in (values or {}).items()],
+    )
+
+
+def _robot_statuses(
+    rule_set: RuleSet, sample: np.ndarray, judgement: Judgement, robot: int
+) -> list[DiagnosticStatus]:
+    verdict = Verdict(judgement.verdict[robot])
+    summary = {
+        'robot': robot,
+        'verdict': verdict.name,
+        'margin': float(judgement.margin[robot]),
+        'rule_set': rule_set.fingerprint,
+    }
+    if verdict is Verdict.UNKNOWN:
+        text = f'UNKNOWN: {_why_unknown(rule_set, sample)}'
+        return [status('monitor: verdict', _LEVELS[verdict], text, summary, robot)]
+    margins = rule_set.rule_margins(sample)
+    violated = rule_set.violated_rules(sample)
+    words = '; '.join(rule_set.rules[index].words(rule_set.space) for index in violated)
+    text = f'{verdict.name}: {words}' if words else verdict.name
+    statuses = [status('monitor: verdict', _LEVELS[verdict], text, summary, robot)]
+    for index in violated:
+        rule = rule_set.rules[index]
+        features = dict.fromkeys(literal.feature for literal in rule.literals)
+        details = {
+            'id': rule.id,
+            'text': rule.words(rule_set.space),
+            'formula': rule.formula(rule_set.space),
+            'margin': float(margins[index]),
+            **{rule_set.space.names[place]: float(sample[place]) for place in features},
+        }
+        name = f'monitor: rule {rule.id}'
+        statuses.append(status(name, DiagnosticStatus.ERROR, details['text'], details, robot))
+    return statuses
+
+
+def _why_unknown(rule_set: RuleSet, sample: np.ndarray) -> str:
+    space = rule_set.space
+    reasons = []
+    for feature, value in zip(space.features, sample, strict=True):
+        if np.isnan(value):
+            reasons.append(f'{feature.name} is missing, stale or not a number')
+        elif not np.isfinite(value) or not feature.low <= value <= feature.high:
+            bounds = f'[{feature.low:g}, {feature.high:g}]'
+            reasons.append(f'{feature.name} = {value:g} is outside its physical bounds {bounds}')
+    return '; '.join(reasons)
+
+
+def _text(value: object) -> str:
+    return repr(value) if isinstance(value, float) else str(value)

@@ -1,0 +1,43 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Pairing of two topics by stamp, the identity of a step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from occ_constraints_pkg.ros.messages import to_nanoseconds
+
+
+class Pairing:
+    """Hands on two messages once both topics have shown the same stamp.
+
+    Lock-step has one step under way at a time, so only the newest message of each topic is kept;
+    a message that is repeated while its partner is held is handed on again, as it should be: the
+    answer may have been lost.
+    """
+
+    def __init__(self, callback: Callable[[Any, Any], None]) -> None:
+        self._callback = callback
+        self._first: Any = None
+        self._second: Any = None
+
+    def on_first(self, message: Any) -> None:
+        """Take a message of the first topic."""
+        self._first = message
+        self._try()
+
+    def on_second(self, message: Any) -> None:
+        """Take a message of the second topic."""
+        self._second = message
+        self._try()
+
+    def _try(self) -> None:
+        first, second = self._first, self._second
+        if first is None or second is None:
+            return
+        if to_nanoseconds(first.header.stamp) != to_nanoseconds(second.header.stamp):
+            return
+        self._second = None
+        self._callback(first, second)

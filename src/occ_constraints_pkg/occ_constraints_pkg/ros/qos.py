@@ -1,0 +1,34 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Quality of service of our topics, each open to overrides by parameter."""
+
+from __future__ import annotations
+
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos_overriding_options import QoSOverridingOptions
+
+# Tables of steps: reliable, with room for a subscriber that falls behind for a while.
+STEPS = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST, depth=100, reliability=ReliabilityPolicy.RELIABLE
+)
+
+# Verdicts: reliable, so that none is missed, and as deep as the tables they belong to.
+VERDICTS = STEPS
+
+# The current rule set: a late subscriber gets it too.
+LATCHED = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=1,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
+
+# Sensors of any robot: a best-effort subscription matches every publisher.
+SENSORS = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST, depth=10, reliability=ReliabilityPolicy.BEST_EFFORT
+)
+
+
+def overridable() -> QoSOverridingOptions:
+    """Let users change history, depth and reliability by parameter (``qos_overrides...``)."""
+    return QoSOverridingOptions.with_default_policies()

@@ -1,0 +1,219 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""The constraints file: rules, the tree they came from, and how they were learned, as YAML."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from occ_constraints_pkg.documents import (
+    did_you_mean,
+    dump_yaml,
+    load_schema,
+    parse_document,
+    read_text,
+)
+from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.rules.rule import Literal, Rule
+from occ_constraints_pkg.rules.ruleset import RuleSet
+from occ_constraints_pkg.rules.space import Feature, FeatureSpace
+
+SCHEMA_VERSION = 1
+_SCHEMA = load_schema(__package__, 'constraints.schema.json')
+
+
+@dataclass(frozen=True, eq=False)
+class Constraints:
+    """The content of a constraints file.
+
+    Attributes:
+        rule_set: features, rules, demonstrated ranges.
+        feature_map: the feature map's document, ``None`` when the features come from a plain
+            table and no topic is known.
+        tree: the OC-tree as nested plain values (see ``learning.tree_document``).
+        learner: the learner's settings.
+        coverage: shares of training and held-out samples inside the safe set.
+        provenance: package version, time, bags with their hashes.
+    """
+
+    rule_set: RuleSet
+    feature_map: Mapping[str, Any] | None = None
+    tree: Mapping[str, Any] | None = None
+    learner: Mapping[str, Any] = field(default_factory=dict)
+    coverage: Mapping[str, Any] = field(default_factory=dict)
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def is_edited(self) -> bool:
+        """Whether rules were changed since they were learned: a bound, ``enabled`` or a note."""
+        learned = self.provenance.get('learned_formula')
+        noted = any(rule.note for rule in self.rule_set.rules)
+        return noted or (learned is not None and learned != self.rule_set.fingerprint)
+
+    def with_rule_set(self, rule_set: RuleSet) -> Constraints:
+        """Return the same file with another rule set over the same features."""
+        return replace(self, rule_set=rule_set)
+
+    def dumps(self) -> str:
+        """Return the YAML text; every float is written so that it reads back bit for bit."""
+        space = self.rule_set.space
+        document: dict[str, Any] = {'schema_version': SCHEMA_VERSION}
+        document['features'] = [
+            {
+                'name': feature.name,
+                'unit': feature.unit,
+                'bounds': [_finite_or_none(feature.low), _finite_or_none(feature.high)],
+                'demonstrated': [float(low), float(high)],
+            }
+            for feature, (low, high) in zip(
+                space.features, self.rule_set.demonstrated, strict=True
+            )
+        ]
+        document['rules'] = [_rule_document(rule, space) for rule in self.rule_set.rules]
+        for key in ('feature_map', 'tree', 'learner', 'coverage', 'provenance'):
+            value = getattr(self, key)
+            if value:
+                document[key] = dict(value)
+        return dump_yaml(document)
+
+    def save(self, path: str | Path) -> None:
+        """Write the file; an existing one is replaced at once or, on an error, left whole.
+
+        Raises:
+            OccError: the file cannot be written.
+        """
+        target = Path(path)
+        draft = target.with_name(f'.{target.name}.{os.getpid()}')
+        try:
+            target.parent.mkdir(parents=True, exist_ok=True)
+            draft.write_text(self.dumps(), encoding='utf-8')
+            draft.replace(target)
+        except OSError as error:
+            draft.unlink(missing_ok=True)
+            raise OccError(f'cannot write {path}: {error.strerror}') from error
+
+
+def load_constraints(path: str | Path) -> Constraints:
+    """Read a constraints file.
+
+    Raises:
+        OccError: it cannot be read or is not valid; the sentence names line, key and value.
+    """
+    return parse_constraints(read_text(path), str(path))
+
+
+def save_learned(constraints: Constraints, path: str | Path, *, overwrite: bool = False) -> None:
+    """Write newly learned constraints without losing what a person changed.
+
+    Args:
+        constraints: what was learned.
+        path: the file to write.
+        overwrite: replace a file that was edited; it is kept beside with the suffix ``.bak``.
+
+    Raises:
+        OccError: the file there was edited and ``overwrite`` is off, it is no constraints file,
+            or it cannot be written.
+    """
+    target = Path(path)
+    if target.exists() and load_constraints(target).is_edited:
+        if not overwrite:
+            raise OccError(
+                f'{target} was edited since it was learned (rules changed, disabled or noted); '
+                'choose another file, or allow overwriting, which keeps a copy'
+            )
+        target.replace(target.with_name(f'{target.name}.bak'))
+    constraints.save(target)
+
+
+def parse_constraints(text: str, where: str) -> Constraints:
+    """Read the text of a constraints file; ``where`` names it in messages.
+
+    Raises:
+        OccError: the text is not valid; the sentence names line, key and value.
+    """
+    document = parse_document(text, _SCHEMA, where)
+    try:
+        space = FeatureSpace(tuple(_feature(item) for item in document['features']))
+        demonstrated = np.array(
+            [item['demonstrated'] for item in document['features']], dtype=np.float64
+        )
+        rules = tuple(
+            _rule(item, f'rules[{index}]', space) for index, item in enumerate(document['rules'])
+        )
+        rule_set = RuleSet(space, rules, demonstrated)
+    except OccError as error:
+        raise OccError(f'{where}: {error}') from error
+    return Constraints(
+        rule_set,
+        document.get('feature_map'),
+        document.get('tree'),
+        document.get('learner', {}),
+        document.get('coverage', {}),
+        document.get('provenance', {}),
+    )
+
+
+def _feature(item: Mapping[str, Any]) -> Feature:
+    low, high = item.get('bounds', (None, None))
+    return Feature(
+        item['name'],
+        item.get('unit', '1'),
+        -math.inf if low is None else float(low),
+        math.inf if high is None else float(high),
+    )
+
+
+def _rule(item: Mapping[str, Any], where: str, space: FeatureSpace) -> Rule:
+    return Rule(
+        item['id'],
+        tuple(_literals(item['literals'], f'{where}.literals', space)),
+        item.get('enabled', True),
+        item.get('note', ''),
+        item.get('evaluated', 0),
+        item.get('violated', 0),
+    )
+
+
+def _literals(items: list, where: str, space: FeatureSpace) -> Iterator[Literal]:
+    for index, item in enumerate(items):
+        name, bound = item['feature'], float(item['bound'])
+        if name not in space.names:
+            hint = did_you_mean(name, space.names) or ';'
+            raise OccError(
+                f'{where}[{index}].feature: got {name!r}{hint} '
+                f'allowed are {", ".join(space.names)}'
+            )
+        if not math.isfinite(bound):
+            raise OccError(f'{where}[{index}].bound: got {bound}; allowed is a finite number')
+        yield Literal(space.index(name), item['operator'], bound)
+
+
+def _rule_document(rule: Rule, space: FeatureSpace) -> dict[str, Any]:
+    document: dict[str, Any] = {
+        'id': rule.id,
+        'text': rule.words(space),
+        'literals': [
+            {
+                'feature': space.names[literal.feature],
+                'operator': literal.operator,
+                'bound': float(literal.bound),
+            }
+            for literal in rule.literals
+        ],
+        'enabled': rule.enabled,
+    }
+    if rule.note:
+        document['note'] = rule.note
+    document['evaluated'], document['violated'] = rule.evaluated, rule.violated
+    return document
+
+
+def _finite_or_none(number: float) -> float | None:
+    return float(number) if math.isfinite(number) else None

@@ -1,0 +1,99 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Literals and rules: the parts of a formula in disjunctive normal form."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.rules.space import FeatureSpace
+
+OPERATORS = ('<', '<=', '>', '>=')
+
+
+@dataclass(frozen=True)
+class Literal:
+    """A comparison of one feature with a bound.
+
+    Attributes:
+        feature: position of the feature in its space.
+        operator: ``<``, ``<=``, ``>`` or ``>=``.
+        bound: finite number in the feature's unit.
+    """
+
+    feature: int
+    operator: str
+    bound: float
+
+    def __post_init__(self) -> None:
+        if self.operator not in OPERATORS:
+            raise OccError(
+                f'operator {self.operator!r} is not known; allowed are {" ".join(OPERATORS)}'
+            )
+
+    @property
+    def is_upper(self) -> bool:
+        """Whether the literal holds for small values: it bounds the feature from above."""
+        return self.operator in ('<', '<=')
+
+    def text(self, space: FeatureSpace) -> str:
+        """Return the literal in symbols with the exact bound, for example ``v_x > 1.46``."""
+        return f'{space.names[self.feature]} {self.operator} {float(self.bound)!r}'
+
+
+@dataclass(frozen=True)
+class Rule:
+    """A conjunction of literals that, when true, is a violation.
+
+    Attributes:
+        id: stable identifier, unique in its rule set.
+        literals: at least one.
+        enabled: a disabled rule is kept in the file but never evaluated.
+        note: free text of a person, or why the rule was disabled.
+        evaluated: how many samples the rule was tried on.
+        violated: on how many of those it was true.
+    """
+
+    id: str
+    literals: tuple[Literal, ...]
+    enabled: bool = True
+    note: str = ''
+    evaluated: int = 0
+    violated: int = 0
+
+    def __post_init__(self) -> None:
+        if not self.literals:
+            raise OccError(f'rule {self.id!r} has no literal; it would flag everything')
+
+    def formula(self, space: FeatureSpace) -> str:
+        """Return the conjunction in symbols, bounds exact."""
+        return ' and '.join(literal.text(space) for literal in self.literals)
+
+    def words(self, space: FeatureSpace) -> str:
+        """Return the rule as a person would say it, with units and bounds to four digits.
+
+        Two literals that enclose one feature are told as a range.
+        """
+        lower = {item.feature: item for item in self.literals if not item.is_upper}
+        upper = {item.feature: item for item in self.literals if item.is_upper}
+        parts = []
+        for feature in dict.fromkeys(literal.feature for literal in self.literals):
+            name, unit = space.names[feature], space.features[feature].unit
+            suffix = '' if unit == '1' else f' {unit}'
+            low, high = lower.get(feature), upper.get(feature)
+            if low and high:
+                inside = 'from {} to {}' if low.operator == '>=' else 'between {} and {}'
+                between = inside.format(_short(low.bound), _short(high.bound))
+                parts.append(f'{name} {between}{suffix}')
+            elif low:
+                word = 'above' if low.operator == '>' else 'at least'
+                parts.append(f'{name} {word} {_short(low.bound)}{suffix}')
+            elif high:
+                word = 'below' if high.operator == '<' else 'at most'
+                parts.append(f'{name} {word} {_short(high.bound)}{suffix}')
+        return ' and '.join(parts)
+
+
+def _short(number: float) -> str:
+    return f'{number:.4g}'

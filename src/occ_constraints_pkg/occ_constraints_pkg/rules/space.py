@@ -1,0 +1,98 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""The feature space: what the rules may speak of, in which units, within which physical bounds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from occ_constraints_pkg.errors import OccError
+
+
+@dataclass(frozen=True)
+class Feature:
+    """One number the rules may speak of.
+
+    Attributes:
+        name: identifier, unique within its space.
+        unit: SI unit, or ``1`` for a pure number.
+        low: smallest physically possible value; a smaller input is a fault, not a violation.
+        high: largest physically possible value.
+    """
+
+    name: str
+    unit: str = '1'
+    low: float = -np.inf
+    high: float = np.inf
+
+
+@dataclass(frozen=True)
+class FeatureSpace:
+    """An ordered tuple of features.
+
+    Raises:
+        OccError: no feature at all, a name twice, or bounds that leave no value.
+    """
+
+    features: tuple[Feature, ...]
+
+    def __post_init__(self) -> None:
+        if not self.features:
+            raise OccError('a feature space needs at least one feature, got none')
+        if len(set(self.names)) != len(self.names):
+            twice = next(name for name in self.names if self.names.count(name) > 1)
+            raise OccError(f'feature {twice!r} is named twice; names must be unique')
+        for feature in self.features:
+            if not feature.low <= feature.high:
+                raise OccError(
+                    f'feature {feature.name!r} has bounds [{feature.low}, {feature.high}]; '
+                    'the lower one must not exceed the upper one'
+                )
+
+    def __len__(self) -> int:
+        return len(self.features)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """The features' names, in order."""
+        return tuple(feature.name for feature in self.features)
+
+    @cached_property
+    def lows(self) -> np.ndarray:
+        """(k,) lower physical bounds, ``-inf`` where there is none."""
+        return np.array([feature.low for feature in self.features], dtype=np.float64)
+
+    @cached_property
+    def highs(self) -> np.ndarray:
+        """(k,) upper physical bounds, ``inf`` where there is none."""
+        return np.array([feature.high for feature in self.features], dtype=np.float64)
+
+    def index(self, name: str) -> int:
+        """Return the position of a feature.
+
+        Raises:
+            OccError: there is no such feature.
+        """
+        try:
+            return self.names.index(name)
+        except ValueError:
+            raise OccError(f'no feature {name!r}; there are {", ".join(self.names)}') from None
+
+    def check_rows(self, values: np.ndarray) -> np.ndarray:
+        """Return ``values`` as (n, k) float64.
+
+        Raises:
+            OccError: the shape is another one.
+        """
+        rows = np.asarray(values, dtype=np.float64)
+        if rows.ndim != 2 or rows.shape[1] != len(self):
+            raise OccError(
+                f'expected rows of {len(self)} features ({", ".join(self.names)}), '
+                f'got an array of shape {rows.shape}'
+            )
+        return rows
+
+

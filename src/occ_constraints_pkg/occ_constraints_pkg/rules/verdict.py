@@ -1,0 +1,40 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Verdicts: what the rules say of each sample."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+
+class Verdict(IntEnum):
+    """SAFE, VIOLATED, or UNKNOWN when an input cannot be judged; UNKNOWN is never safe."""
+
+    SAFE = 0
+    VIOLATED = 1
+    UNKNOWN = 2
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """The verdicts on n samples.
+
+    Attributes:
+        verdict: (n,) int8, values of :class:`Verdict`.
+        rule: (n,) int64, position in the rule set of the first violated rule, -1 where none.
+        margin: (n,) float64, signed distance to the boundary of the safe set with each feature
+            scaled by its demonstrated range: at least 0 where SAFE, at most 0 where VIOLATED,
+            NaN where UNKNOWN. See :meth:`RuleSet.judge`.
+    """
+
+    verdict: np.ndarray
+    rule: np.ndarray
+    margin: np.ndarray
+
+    @property
+    def cost(self) -> np.ndarray:
+        """(n,) float64: 1.0 where not SAFE, else 0.0."""
+        return (self.verdict != Verdict.SAFE).astype(np.float64)

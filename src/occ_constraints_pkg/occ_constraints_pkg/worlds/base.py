@@ -1,0 +1,91 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""The interface of a simulated task that steps many robots at once."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Column:
+    """One named number of an observation or an action.
+
+    Attributes:
+        name: lower-case identifier, unique within its world, for example ``hazards_lidar_3``.
+        unit: SI unit, or ``1`` for a pure number.
+        low: smallest possible value, in ``unit``.
+        high: largest possible value, in ``unit``.
+    """
+
+    name: str
+    unit: str = '1'
+    low: float = -np.inf
+    high: float = np.inf
+
+
+class World(ABC):
+    """A batch of independent robots that all perform one task.
+
+    Follows the ``gymnasium.vector.VectorEnv`` conventions with automatic reset disabled: after a
+    step that ends some episodes the caller resets those rows with ``reset(mask=...)`` before it
+    steps them again. :class:`~occ_constraints_pkg.worlds.stream.EpisodeStream` does so.
+
+    Every robot draws from its own random generator, so the trajectory of one robot depends only
+    on the seed, its index and its own actions: not on the size of the batch, nor on threads.
+
+    Attributes:
+        name: the name under which the world is registered.
+        num_envs: number of robots N.
+        columns: the observation's columns, in order (k of them).
+        action_columns: the action's columns, in order (a of them).
+        step_seconds: simulated seconds per step.
+        max_episode_steps: steps after which an episode is truncated.
+    """
+
+    name: str
+    num_envs: int
+    columns: tuple[Column, ...]
+    action_columns: tuple[Column, ...]
+    step_seconds: float
+    max_episode_steps: int
+
+    @abstractmethod
+    def reset(
+        self, *, seed: int | None = None, mask: np.ndarray | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Start new episodes.
+
+        Args:
+            seed: reseeds the generators of all robots; ``None`` lets them go on.
+            mask: (N,) bool, the robots to reset; ``None`` means all.
+
+        Returns:
+            ``(observation, info)`` for all robots: (N, k) float32, rows of robots that were not
+            reset unchanged; ``info['true_cost']`` is (N,) float64.
+        """
+
+    @abstractmethod
+    def step(
+        self, action: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """Advance every robot by one step.
+
+        Args:
+            action: (N, a) finite numbers; values outside the columns' bounds are clipped.
+
+        Returns:
+            ``(observation, reward, terminated, truncated, info)`` with shapes (N, k) float32,
+            (N,) float64, (N,) bool, (N,) bool. ``info['true_cost']`` is (N,) float64, the cost of
+            the state just reached, 0 or 1.
+
+        Raises:
+            OccError: the action has the wrong shape or is not finite.
+        """
+
+    def close(self) -> None:  # noqa: B027 - most worlds have nothing to release
+        """Release threads and memory; the world may not be used afterwards."""

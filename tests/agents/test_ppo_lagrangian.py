@@ -1,0 +1,282 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""The learner: what it counts, what it refuses, and that it continues from a checkpoint."""
+
+import copy
+import dataclasses
+import os
+
+import numpy as np
+import pytest
+from line_world import LineWorld
+
+torch = pytest.importorskip('torch')
+
+from occ_constraints_pkg.agents.ppo_lagrangian import (  # noqa: E402
+    PPOLagrangian,
+    PPOLagrangianConfig,
+)
+from occ_constraints_pkg.errors import OccError  # noqa: E402
+from occ_constraints_pkg.worlds.stream import EpisodeStream  # noqa: E402
+
+SMALL = PPOLagrangianConfig(rollout_steps=16, minibatch=64, hidden=(8, 8), passes=2, cost_limit=2.0)
+
+
+def make_learner(seed=0, **settings):
+    config = dataclasses.replace(SMALL, **settings)
+    return PPOLagrangian(config, LineWorld.columns, LineWorld.action_columns, 'line', seed)
+
+
+def run(learner, stream, batch, calls, spoil=None):
+    """Feed ``calls`` steps; ``spoil(batch)`` changes what the learner is shown."""
+    metrics = []
+    for _ in range(calls):
+        shown = batch if spoil is None else spoil(batch)
+        updates = learner.updates
+        action = learner.act(shown, shown.true_cost)
+        if learner.updates > updates:
+            metrics.append(learner.metrics)
+        batch = stream.step(action)
+    return batch, metrics
+
+
+def untimed(metrics):
+    return [
+        [value for name, value in item.as_dict().items() if not name.endswith('_s')]
+        for item in metrics
+    ]
+
+
+def same_policy(one, other):
+    one, other = one.policy(), other.policy()
+    pairs = [*zip(one.weights, other.weights, strict=True), (one.log_std, other.log_std)]
+    return all(np.array_equal(x, y) for x, y in pairs)
+
+
+@pytest.mark.parametrize('cliff', [False, True])
+def test_what_comes_with_first_states_is_no_matter(cliff):
+    """No step led to a first state: its reward and cost must not reach losses or statistics."""
+
+    def spoil(batch, last=[None]):  # noqa: B006
+        fresh = np.ones(8, bool) if last[0] is None else last[0].done
+        last[0] = batch
+        return dataclasses.replace(
+            batch,
+            reward=np.where(fresh, 1e3, batch.reward),
+            true_cost=np.where(fresh, 1.0, batch.true_cost),
+        )
+
+    curves = []
+    for how in (None, spoil):
+        learner, stream = make_learner(), EpisodeStream(LineWorld(8, cliff=cliff), seed=1)
+        curves.append(untimed(run(learner, stream, stream.reset(), 100, how)[1]))
+    assert len(curves[0]) == 6
+    np.testing.assert_array_equal(*curves)
+
+
+def test_episodes_and_steps_are_counted_once():
+    learner, stream = make_learner(rollout_steps=21), EpisodeStream(LineWorld(8), seed=1)
+    batch = stream.reset()
+    totals, cost, seen = np.zeros(8), np.zeros(8), []
+    for call in range(43):
+        action = learner.act(batch, batch.true_cost)
+        if call == 21:
+            # One episode: states 0 to 20, and its last state's reset transition.
+            assert learner.steps == 8 * 20
+            assert learner.metrics.episodes == 8
+            assert learner.metrics.mean_return == pytest.approx(np.mean(totals))
+            assert learner.metrics.mean_cost == pytest.approx(np.mean(cost))
+            assert learner.metrics.mean_length == 20
+        seen.append(learner.steps)
+        batch = stream.step(action)
+        totals += batch.reward
+        cost += batch.true_cost * (call != 20)
+    assert [seen[call] for call in (0, 20, 21, 42)] == [0, 160, 160, 320]
+
+
+def test_multiplier_goes_up_when_costs_exceed_the_limit_and_down_to_zero_when_not():
+    def multipliers(limit, start):
+        learner = make_learner(cost_limit=limit, multiplier_init=start, multiplier_lr=0.1)
+        stream = EpisodeStream(LineWorld(8), seed=1)
+        always = np.ones(8)
+        batch, found = stream.reset(), []
+        for _ in range(120):
+            updates = learner.updates
+            action = learner.act(batch, always)
+            if learner.updates > updates:
+                found.append(learner.multiplier)
+            batch = stream.step(action)
+        return found
+
+    # Every episode costs 20; none has finished at the first update.
+    rising, falling = multipliers(19.0, 0.5), multipliers(21.0, 0.25)
+    assert (rising[0], falling[0]) == (0.5, 0.25)
+    assert (np.diff(rising) > 0).all()
+    assert (np.diff(falling) <= 0).all()
+    assert falling[1] < 0.25
+    assert falling[-1] == 0.0
+
+
+def test_unconstrained_mode_ignores_the_cost():
+    learners = []
+    for factor in (0.0, 1.0):
+        learner, stream = make_learner(lagrangian=False), EpisodeStream(LineWorld(8), seed=1)
+        run(
+            learner,
+            stream,
+            stream.reset(),
+            60,
+            lambda batch, factor=factor: dataclasses.replace(
+                batch, true_cost=batch.true_cost * factor
+            ),
+        )
+        learners.append(learner)
+    assert learners[0].updates == 3
+    assert learners[0].metrics.multiplier == 0.0
+    assert same_policy(*learners)
+
+
+@pytest.mark.parametrize('calls', [0, 1, 40, 49])
+def test_a_checkpoint_continues_exactly(tmp_path, calls):
+    """Saved before the first step, after it, within a rollout and right after an update."""
+    learner, stream = make_learner(), EpisodeStream(LineWorld(8, cliff=True), seed=1)
+    batch, _ = run(learner, stream, stream.reset(), calls)
+    learner.save(tmp_path / 'checkpoint.pt')
+    twin, its_stream = PPOLagrangian.load(tmp_path / 'checkpoint.pt'), copy.deepcopy(stream)
+    assert (twin.steps, twin.updates, twin.metrics) == (
+        learner.steps,
+        learner.updates,
+        learner.metrics,
+    )
+    _, curve = run(learner, stream, batch, 100)
+    _, its_curve = run(twin, its_stream, batch, 100)
+    assert len(curve) >= 6
+    np.testing.assert_array_equal(untimed(curve), untimed(its_curve))
+    assert same_policy(learner, twin)
+
+
+def test_an_interruption_loses_one_transition_and_counts_nothing_twice():
+    learner, stream = make_learner(rollout_steps=1000), EpisodeStream(LineWorld(8), seed=1)
+    run(learner, stream, stream.reset(), 10)
+    assert learner.steps == 8 * 9
+    learner.interrupt()
+    learner.interrupt()
+    stream = EpisodeStream(LineWorld(8), seed=2)
+    run(learner, stream, stream.reset(), 21)
+    assert learner.steps == 8 * (9 + 20)
+    assert learner._rollout.valid[:30].sum() == learner.steps
+    assert not learner._rollout.valid[9].any()
+    assert learner._episodes.means()[2] == 20
+
+
+def test_episodes_joined_in_the_middle_are_not_counted():
+    learner, stream = make_learner(rollout_steps=1000), EpisodeStream(LineWorld(8), seed=1)
+    batch, _ = run(learner, stream, stream.reset(), 10)
+    learner.interrupt(new_episodes=False)
+    batch, _ = run(learner, stream, batch, 12)
+    assert learner._episodes.finished == 0
+    run(learner, stream, batch, 21)
+    assert learner._episodes.finished == 8
+    assert learner._episodes.means()[2] == 20
+
+
+def spoiled(batch, what):
+    if what == 'cost':
+        return batch, np.full(8, np.nan)
+    if what == 'one cost':
+        return batch, np.where(np.arange(8) == 3, np.nan, 0.0)
+    if what == 'shape':
+        return batch, np.zeros((8, 1))
+    if what == 'robots':
+        part = {f.name: getattr(batch, f.name)[:4] for f in dataclasses.fields(batch)}
+        return type(batch)(**part), np.zeros(4)
+    faulty = np.full_like(getattr(batch, what), np.inf)
+    return dataclasses.replace(batch, **{what: faulty}), np.zeros(8)
+
+
+@pytest.mark.parametrize('what', ['cost', 'one cost', 'shape', 'robots', 'observation', 'reward'])
+def test_a_faulty_step_is_refused_and_changes_nothing(what):
+    learner, stream = make_learner(), EpisodeStream(LineWorld(8), seed=1)
+    batch, _ = run(learner, stream, stream.reset(), 16)
+    twin, its_stream = copy.deepcopy(learner), copy.deepcopy(stream)
+    with pytest.raises(OccError, match='the learner got'):
+        learner.act(*spoiled(batch, what))
+    run(learner, stream, batch, 40)
+    run(twin, its_stream, batch, 40)
+    assert learner.updates == 3
+    assert same_policy(learner, twin)
+
+
+def test_the_policy_acts_as_the_network_that_was_trained():
+    learner, stream = make_learner(), EpisodeStream(LineWorld(8), seed=1)
+    run(learner, stream, stream.reset(), 60)
+    x = np.linspace(-3, 3, 200, dtype=np.float32)[:, None]
+    with torch.no_grad():
+        expected = learner._actor(learner._normalised(x)).numpy()
+    np.testing.assert_allclose(learner.policy().act(x), expected, atol=1e-5)
+
+
+def test_a_snapshot_does_not_change_with_the_learner():
+    learner, stream = make_learner(), EpisodeStream(LineWorld(8), seed=1)
+    before, fresh = learner.policy(), learner.policy()
+    run(learner, stream, stream.reset(), 60)
+    np.testing.assert_array_equal(before.weights[0], make_learner().policy().weights[0])
+    assert before.act(np.ones((1, 1))) == fresh.act(np.ones((1, 1)))
+    assert not np.array_equal(before.weights[0], learner.policy().weights[0])
+
+
+class Trap:
+    """Pickles as a call that makes a directory."""
+
+    def __init__(self, path):
+        self.path = str(path)
+
+    def __reduce__(self):
+        return os.mkdir, (self.path,)
+
+
+def test_a_file_with_code_is_refused_and_not_executed(tmp_path):
+    torch.save({'format': Trap(tmp_path / 'sprung')}, tmp_path / 'trap.pt')
+    with pytest.raises(OccError, match='not a checkpoint'):
+        PPOLagrangian.load(tmp_path / 'trap.pt')
+    assert not (tmp_path / 'sprung').exists()
+
+
+def test_other_files_are_refused(tmp_path):
+    (tmp_path / 'text').write_text('hello')
+    (tmp_path / 'empty').write_bytes(b'')
+    torch.save({'weights': torch.zeros(2)}, tmp_path / 'foreign')
+    torch.save(torch.zeros(2), tmp_path / 'tensor')
+    for name in ('text', 'empty', 'foreign', 'tensor'):
+        with pytest.raises(OccError, match='not a checkpoint'):
+            PPOLagrangian.load(tmp_path / name)
+    with pytest.raises(OccError, match='cannot read'):
+        PPOLagrangian.load(tmp_path / 'nowhere')
+    make_learner().save(tmp_path / 'good')
+    state = torch.load(tmp_path / 'good', weights_only=True)
+    for change in ({'networks': {}}, {'config': {'no_such': 1}}, {'rng': 'x'}, {'config': 3}):
+        torch.save(state | change, tmp_path / 'damaged')
+        with pytest.raises(OccError, match='damaged'):
+            PPOLagrangian.load(tmp_path / 'damaged')
+
+
+@pytest.mark.parametrize(
+    'setting',
+    [
+        {'cost_limit': -1.0},
+        {'cost_limit': float('nan')},
+        {'gamma': 1.1},
+        {'rollout_steps': 0},
+        {'actor_lr': 0.0},
+        {'hidden': (0,)},
+        {'multiplier_lr': -0.1},
+    ],
+)
+def test_settings_outside_their_range_are_refused(setting):
+    with pytest.raises(OccError, match=f'learner setting {next(iter(setting))} '):
+        PPOLagrangianConfig(**setting)
+
+
+def test_an_unknown_device_is_refused():
+    with pytest.raises(OccError, match="device is 'abacus'"):
+        make_learner(device='abacus')

@@ -1,0 +1,100 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+import numpy as np
+import pytest
+from occ_constraints_pkg.agents.scripted import DRIVERS, make_driver
+from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.worlds.lidar import lidar_returns
+from occ_constraints_pkg.worlds.simple_nav import SimpleNav
+from occ_constraints_pkg.worlds.stream import EpisodeStream
+
+
+def _episodes(name, num_envs, seed):
+    """Return return and cost of one episode of each robot, and every state in it."""
+    world = SimpleNav(num_envs)
+    stream = EpisodeStream(world, seed=seed)
+    driver = make_driver('simple_nav', name, np.random.default_rng(seed))
+    batch, states = stream.reset(), []
+    total, cost, alive = np.zeros(num_envs), np.zeros(num_envs), np.ones(num_envs, dtype=bool)
+    while alive.any():
+        states.append(batch.observation[alive])
+        batch = stream.step(driver(batch.observation))
+        total += batch.reward * alive
+        cost += batch.true_cost * alive
+        alive &= ~batch.done
+    return total, cost, np.concatenate(states)
+
+
+def test_the_expert_arrives_without_cost_and_shows_the_whole_safe_region():
+    total, cost, states = _episodes('expert', 100, seed=0)
+    assert (total > 2).all()
+    assert (cost == 0).all()
+    x, y = states.T
+    assert ((y < 0.3) | (x > 0.7)).all()
+    bottom, side = states[y < 0.3], states[x > 0.7]
+    np.testing.assert_allclose(bottom.min(axis=0), [0.1, 0.1], atol=0.03)
+    np.testing.assert_allclose(bottom.max(axis=0), [0.9, 0.3], atol=0.03)
+    np.testing.assert_allclose(side.min(axis=0), [0.7, 0.1], atol=0.03)
+    np.testing.assert_allclose(side.max(axis=0), [0.9, 0.9], atol=0.03)
+
+
+def test_the_expert_takes_a_new_lane_in_each_episode():
+    stream = EpisodeStream(SimpleNav(1), seed=0)
+    driver = make_driver('simple_nav', 'expert', np.random.default_rng(0))
+    batch, lanes = stream.reset(), {}
+    while batch.episode[0] < 6:
+        batch = stream.step(driver(batch.observation))
+        x, y = batch.observation[0]
+        if 0.4 < x < 0.6:
+            lanes.setdefault(int(batch.episode[0]), []).append(y)
+        assert batch.true_cost[0] == 0
+    means = np.array([np.mean(lane) for lane in lanes.values()])
+    assert len(means) == 6
+    assert means.max() - means.min() > 0.04
+
+
+def test_straight_is_faster_and_pays_for_it():
+    total, cost, _ = _episodes('straight', 20, seed=0)
+    assert (total > 2).all()
+    assert (cost > 10).all()
+
+
+def test_straightv_steers_by_goal_lidar_and_velocimeter():
+    bearing = np.linspace(-3.1, 3.1, 200)
+    objects = 1.5 * np.column_stack([np.cos(bearing), np.sin(bearing)])[:, None]
+    observation = np.zeros((200, 60))
+    observation[:, 12:28] = lidar_returns(np.zeros((200, 2)), np.zeros(200), objects)[:, 0]
+    observation[:, 4] = 0.5
+    action = make_driver('PointGoal1', 'straightv', np.random.default_rng(0))(observation)
+    turn = np.arctan2(np.sin(bearing) - 0.5, np.cos(bearing))
+    np.testing.assert_allclose(action[:, 1], np.clip(turn, -1, 1), atol=1e-9)
+    np.testing.assert_array_equal(action[:, 0], np.abs(turn) < np.pi / 4)
+
+
+def test_straightv_turns_to_the_hazards_when_the_goal_is_too_far_to_be_seen():
+    observation = np.zeros((1, 60))
+    observation[0, 28 + 4] = 0.5  # a hazard to the left
+    action = make_driver('PointGoal1', 'straightv', np.random.default_rng(0))(observation)
+    np.testing.assert_array_equal(action, [[0.0, 1.0]])
+
+
+@pytest.mark.parametrize('world', DRIVERS)
+def test_random_is_uniform_and_repeatable(world):
+    observation = np.zeros((500, 60))
+    first, second = (
+        make_driver(world, 'random', np.random.default_rng(3))(observation) for _ in range(2)
+    )
+    np.testing.assert_array_equal(first, second)
+    assert first.shape == (500, 2)
+    assert np.abs(first).max() <= 1
+    assert first.std() == pytest.approx(1 / np.sqrt(3), abs=0.03)
+
+
+def test_unknown_names_and_wrong_observations_are_refused():
+    rng = np.random.default_rng(0)
+    with pytest.raises(OccError, match='allowed are simple_nav, PointGoal1'):
+        make_driver('maze', 'random', rng)
+    with pytest.raises(OccError, match='allowed are random, straightv'):
+        make_driver('PointGoal1', 'expert', rng)
+    with pytest.raises(OccError, match=r'shape \(3, 5\)'):
+        make_driver('simple_nav', 'expert', rng)(np.zeros((3, 5)))

@@ -1,0 +1,90 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Training as a whole: it learns, obeys its limit, ends when told and writes its log."""
+
+import json
+
+import numpy as np
+import pytest
+from line_world import LineWorld
+
+pytest.importorskip('torch')
+
+from occ_constraints_pkg.agents.evaluation import evaluate  # noqa: E402
+from occ_constraints_pkg.agents.ppo_lagrangian import (  # noqa: E402
+    PPOLagrangian,
+    PPOLagrangianConfig,
+)
+from occ_constraints_pkg.agents.training import TrueCost, train  # noqa: E402
+from occ_constraints_pkg.errors import OccError  # noqa: E402
+
+
+def make_learner(world, **settings):
+    config = PPOLagrangianConfig(
+        rollout_steps=40, minibatch=512, hidden=(32, 32), cost_limit=2.0, **settings
+    )
+    return PPOLagrangian(config, world.columns, world.action_columns, world.name, seed=0)
+
+
+def test_learns_to_go_right_and_with_a_limit_to_stop_in_time():
+    """Unconstrained, nearly all of the way is worth taking; with the limit it ends before 0.7."""
+    world = LineWorld(32)
+    results = {}
+    for lagrangian in (False, True):
+        learner = make_learner(world, lagrangian=lagrangian)
+        train(world, learner, TrueCost(), seed=1, total_steps=60_000)
+        rng = np.random.default_rng(0)
+        policy = learner.policy()
+        results[lagrangian] = evaluate(
+            world, lambda x, p=policy, g=rng: p.act(x, g), episodes=100, seed=2
+        ).as_dict()
+    assert results[False]['return'] > 16
+    assert results[False]['cost'] > 14
+    assert results[True]['cost'] < 5
+    assert 9 < results[True]['return'] < 15
+
+
+def test_the_cost_comes_from_the_source(tmp_path):
+    world = LineWorld(8)
+    learner = make_learner(world)
+    history = train(
+        world, learner, lambda batch: np.ones(8), seed=1, total_steps=1000, log=tmp_path / 'log'
+    )
+    assert history[-1].mean_cost == 20.0
+
+
+def test_log_progress_and_end(tmp_path):
+    world, told = LineWorld(8), []
+    learner, log = make_learner(world), tmp_path / 'log.jsonl'
+    options = {'seed': 1, 'progress': told.append, 'log': log}
+    history = train(world, learner, TrueCost(), total_steps=1000, **options)
+    assert 1000 <= learner.steps < 1008
+    history += train(world, learner, TrueCost(), total_steps=2000, **options)
+    assert 2000 <= learner.steps < 2008
+    lines = [json.loads(line) for line in log.read_text().splitlines()]
+    assert lines == [item.as_dict() for item in history] == [item.as_dict() for item in told]
+    assert [line['updates'] for line in lines] == list(range(1, len(lines) + 1))
+
+
+def test_numbers_that_are_not_there_yet_are_null_in_the_log(tmp_path):
+    world = LineWorld(8)
+    config = PPOLagrangianConfig(rollout_steps=5, hidden=(4,))
+    learner = PPOLagrangian(config, world.columns, world.action_columns, world.name, seed=0)
+    train(world, learner, TrueCost(), seed=1, total_steps=50, log=tmp_path / 'log')
+    assert json.loads((tmp_path / 'log').read_text().splitlines()[0])['mean_return'] is None
+
+
+def test_seconds_end_a_run():
+    world = LineWorld(8)
+    learner = make_learner(world)
+    train(world, learner, TrueCost(), seed=1, seconds=0.2)
+    assert learner.steps > 0
+
+
+def test_a_run_without_end_or_in_another_world_is_refused():
+    world = LineWorld(8)
+    with pytest.raises(OccError, match='no end'):
+        train(world, make_learner(world), TrueCost(), seed=1)
+    other = PPOLagrangian(PPOLagrangianConfig(), ['y'], ['d_x'], 'other', seed=0)
+    with pytest.raises(OccError, match="column 0 is 'x'"):
+        train(world, other, TrueCost(), seed=1, total_steps=10)

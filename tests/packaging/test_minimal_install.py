@@ -1,0 +1,43 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Without any extra, rules can be shown and bags checked."""
+
+import subprocess
+import sys
+
+# Imports as an installation without extras would do them.
+PROLOGUE = """
+import sys
+class Absent:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition('.')[0] in ('torch', 'mujoco', 'rclpy', 'matplotlib', 'jinja2'):
+            raise ModuleNotFoundError(f'No module named {name!r}', name=name)
+sys.meta_path.insert(0, Absent())
+"""
+
+
+def run(code: str) -> subprocess.CompletedProcess:
+    return subprocess.run([sys.executable, '-c', PROLOGUE + code], capture_output=True, text=True)
+
+
+def test_rules_learning_and_bags_import_without_extras():
+    done = run(
+        'import importlib, pkgutil, occ_constraints_pkg as top\n'
+        "for layer in ('rules', 'learning', 'bags'):\n"
+        "    name = f'{top.__name__}.{layer}'\n"
+        '    layer = importlib.import_module(name)\n'
+        '    for module in pkgutil.walk_packages(layer.__path__, name + "."):\n'
+        '        importlib.import_module(module.name)\n'
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_show_and_check_explain_themselves_without_extras():
+    for command in ('show', 'check'):
+        done = run(
+            'from occ_constraints_pkg.cli import main\n'
+            f"sys.argv = ['occ', '{command}', '--help']\n"
+            'sys.exit(main())\n'
+        )
+        assert done.returncode == 0, done.stderr
+        assert 'Usage' in done.stdout

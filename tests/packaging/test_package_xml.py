@@ -1,0 +1,38 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""colcon takes the package for an ament_python one only if package.xml is valid."""
+
+import re
+from xml.etree import ElementTree
+
+import pytest
+
+import occ_constraints_pkg
+
+
+@pytest.fixture(scope='module')
+def manifest(package):
+    return ElementTree.parse(package / 'package.xml').getroot()
+
+
+def test_names_the_package_its_licence_and_build_type(manifest, package):
+    assert manifest.get('format') == '3'
+    assert manifest.findtext('name') == package.name
+    assert manifest.findtext('license') == 'Apache-2.0'
+    assert manifest.findtext('export/build_type') == 'ament_python'
+
+
+def test_has_the_version_of_the_package(manifest):
+    assert manifest.findtext('version') == occ_constraints_pkg.__version__
+
+
+def test_maintainer_has_an_email_that_catkin_pkg_accepts(manifest):
+    address = manifest.find('maintainer').get('email')
+    assert re.fullmatch(
+        r'[-a-zA-Z0-9_%+]+(\.[-a-zA-Z0-9_%+]+)*@[-a-zA-Z0-9]+(\.[-a-zA-Z0-9]+)+', address
+    )
+
+
+def test_no_dependency_is_named_twice(manifest):
+    names = [element.text for element in manifest.findall('exec_depend')]
+    assert len(names) == len(set(names))

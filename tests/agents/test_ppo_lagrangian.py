@@ -12,10 +12,8 @@ from line_world import LineWorld
 
 torch = pytest.importorskip('torch')
 
-from occ_constraints_pkg.agents.ppo_lagrangian import (  # noqa: E402
-    PPOLagrangian,
-    PPOLagrangianConfig,
-)
+from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian  # noqa: E402
+from occ_constraints_pkg.agents.settings import PPOLagrangianConfig  # noqa: E402
 from occ_constraints_pkg.errors import OccError  # noqa: E402
 from occ_constraints_pkg.worlds.stream import EpisodeStream  # noqa: E402
 

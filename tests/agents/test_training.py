@@ -11,10 +11,8 @@ from line_world import LineWorld
 pytest.importorskip('torch')
 
 from occ_constraints_pkg.agents.evaluation import evaluate  # noqa: E402
-from occ_constraints_pkg.agents.ppo_lagrangian import (  # noqa: E402
-    PPOLagrangian,
-    PPOLagrangianConfig,
-)
+from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian  # noqa: E402
+from occ_constraints_pkg.agents.settings import PPOLagrangianConfig  # noqa: E402
 from occ_constraints_pkg.agents.training import TrueCost, train  # noqa: E402
 from occ_constraints_pkg.errors import OccError  # noqa: E402
 

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
 import pytest
-
 from occ_constraints_pkg.bags.dataset import Dataset
 from occ_constraints_pkg.errors import OccError
 

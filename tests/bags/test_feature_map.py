@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
 import pytest
-
 from occ_constraints_pkg.bags.feature_map import BUILT_IN_MAPS, FeatureMap, load_feature_map
 from occ_constraints_pkg.documents import dump_yaml, parse_yaml
 from occ_constraints_pkg.errors import OccError

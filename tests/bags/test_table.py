@@ -7,10 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from rosbags.typesys import Stores, get_typestore
-
 from occ_constraints_pkg.bags.table import FLOAT32, FLOAT64, Table
 from occ_constraints_pkg.errors import OccError
+from rosbags.typesys import Stores, get_typestore
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 CLOUD, FIELD = (STORE.types[f'sensor_msgs/msg/{name}'] for name in ('PointCloud2', 'PointField'))

@@ -8,13 +8,12 @@ import sys
 
 import pytest
 from mcap.reader import make_reader
-from rosbags.highlevel import AnyReader
-from ruamel.yaml import YAML
-
 from occ_constraints_pkg.bags.qos import parse_profiles
 from occ_constraints_pkg.bags.recording import Recording
 from occ_constraints_pkg.bags.writer import BagWriter
 from occ_constraints_pkg.errors import OccError
+from rosbags.highlevel import AnyReader
+from ruamel.yaml import YAML
 
 FOREVER = {'sec': 9223372036, 'nsec': 854775807}
 QOS = {

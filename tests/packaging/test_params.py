@@ -62,3 +62,44 @@ json.dump(values, sys.stdout)
             if not key.startswith(('qos_overrides', 'start_type_description_service'))
         }
         assert own == values
+
+
+def test_gives_every_parameter_that_the_nodes_declare_and_its_default(parameters, tmp_path):
+    for module in ('rclpy', 'torch', 'mujoco'):
+        pytest.importorskip(module, reason="needs the extras 'ros' and 'train'")
+    # The nodes fail for want of input once their parameters are declared, and may: what counts is
+    # what they asked for until then.
+    code = """
+import inspect, json, sys
+from importlib import import_module
+import rclpy
+from occ_constraints_pkg.ros.process import OccNode
+declared = {}
+def parameter(self, name, default, *_, **__):
+    declared[self.get_name()][name] = default
+    return default
+OccNode.parameter = parameter
+rclpy.init()
+for name in sys.argv[1:]:
+    declared[name] = {}
+    for kind in vars(import_module(f'occ_constraints_pkg.nodes.{name}')).values():
+        if inspect.isclass(kind) and issubclass(kind, OccNode) and kind is not OccNode:
+            try:
+                kind()
+            except Exception as error:
+                print(name, error, file=sys.stderr)
+rclpy.try_shutdown()
+json.dump(declared, sys.stdout)
+"""
+    done = subprocess.run(
+        [sys.executable, '-c', code, *parameters],
+        cwd=tmp_path,
+        env={**os.environ, 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'OFF'},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    for node, values in json.loads(done.stdout).items():
+        # A parameter file cannot hold an empty list of texts.
+        values = {key: [''] if value == [] else value for key, value in values.items()}
+        assert values == parameters[node], done.stderr

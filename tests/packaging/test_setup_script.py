@@ -156,7 +156,8 @@ def test_root_gets_the_missing_part_of_debians_python_from_apt(sandbox):
     assert 'installing python3-venv' in done.stdout
     update, install, made = sandbox.calls()[:3]
     assert update.startswith('apt-get update')
-    assert install.startswith('apt-get install') and install.endswith('python3-venv')
+    assert install.startswith('apt-get install')
+    assert install.endswith('python3-venv')
     assert made == 'venv'
 
 

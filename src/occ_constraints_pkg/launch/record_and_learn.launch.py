@@ -82,7 +82,7 @@ def generate_launch_description() -> LaunchDescription:
                 'bag', description='Folder of the bag to record; it must not exist yet.'
             ),
             DeclareLaunchArgument(
-                'feature_map', description='Feature map (YAML): what the rules may speak about.'
+                'feature_map', description='Feature map, a YAML file or a built-in name.'
             ),
             DeclareLaunchArgument('constraints_file', description='Constraints file to write.'),
             DeclareLaunchArgument(
@@ -101,8 +101,8 @@ def generate_launch_description() -> LaunchDescription:
             ),
             DeclareLaunchArgument(
                 'policy',
-                default_value='scripted',
-                description='What demonstrates: scripted, or a policy file (.npz).',
+                default_value='expert',
+                description='What demonstrates: expert, or a policy file (.npz).',
             ),
             DeclareLaunchArgument(
                 'log_level',

@@ -19,7 +19,6 @@ PACKAGE = 'occ_constraints_pkg'
 
 def generate_launch_description() -> LaunchDescription:
     """Return the description that ROS 2 launch asks for."""
-    world = ParameterValue(LaunchConfiguration('world'), value_type=str)
     seed = ParameterValue(LaunchConfiguration('seed'), value_type=int)
     log_arguments = ['--ros-args', '--log-level', LaunchConfiguration('log_level')]
     return LaunchDescription(
@@ -49,9 +48,9 @@ def generate_launch_description() -> LaunchDescription:
             ),
             DeclareLaunchArgument(
                 'policy',
-                default_value='scripted',
-                description='What drives: scripted, random, a policy file (.npz), or none to '
-                'leave it to a node started elsewhere.',
+                default_value='expert',
+                description='What drives: expert, random, a policy file (.npz), or none to leave '
+                'it to a node started elsewhere.',
             ),
             DeclareLaunchArgument(
                 'log_level',
@@ -69,7 +68,9 @@ def generate_launch_description() -> LaunchDescription:
                         parameters=[
                             LaunchConfiguration('params_file'),
                             {
-                                'world': world,
+                                'world': ParameterValue(
+                                    LaunchConfiguration('world'), value_type=str
+                                ),
                                 'seed': seed,
                                 'num_robots': ParameterValue(
                                     LaunchConfiguration('num_robots'), value_type=int
@@ -92,7 +93,6 @@ def generate_launch_description() -> LaunchDescription:
                                 'policy': ParameterValue(
                                     LaunchConfiguration('policy'), value_type=str
                                 ),
-                                'world': world,
                                 'seed': seed,
                             },
                         ],

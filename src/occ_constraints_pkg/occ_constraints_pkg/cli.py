@@ -53,22 +53,49 @@ def cli() -> None:
 @click.argument('bags', nargs=-1, required=True, type=click.Path())
 @click.option('-m', '--map', 'map_name', required=True, help=_FEATURE_MAP_HELP)
 @click.option('-o', '--output', default='constraints.yaml', show_default=True, type=click.Path())
-@click.option('--depth', default=OCTreeSettings.max_depth, show_default=True,
-              help='Most levels of splits.')
-@click.option('--clip', default=OCTreeSettings.clip, show_default=True,
-              type=click.Choice(['mass', 'density']), help='How outliers are cut off per split.')
-@click.option('--tail', default=OCTreeSettings.tail, show_default=True,
-              help='With mass: share of samples left outside per split.')
-@click.option('--gamma', default=OCTreeSettings.gamma, show_default=True,
-              help='With density: share of the largest density below which values are outliers.')
-@click.option('--alpha', default=OCTreeSettings.alpha, show_default=True,
-              help='How deep a minimum of the density must be to split there.')
+@click.option(
+    '--depth', default=OCTreeSettings.max_depth, show_default=True, help='Most levels of splits.'
+)
+@click.option(
+    '--clip',
+    default=OCTreeSettings.clip,
+    show_default=True,
+    type=click.Choice(['mass', 'density']),
+    help='How outliers are cut off per split.',
+)
+@click.option(
+    '--contamination',
+    default=OCTreeSettings.contamination,
+    show_default=True,
+    help='With mass: share of the demonstrated samples that may lie outside.',
+)
+@click.option(
+    '--gamma',
+    default=OCTreeSettings.gamma,
+    show_default=True,
+    help='With density: share of the largest density below which values are outliers.',
+)
+@click.option(
+    '--alpha',
+    default=OCTreeSettings.alpha,
+    show_default=True,
+    help='How deep a minimum of the density must be to split there.',
+)
 @click.option('--seed', default=0, show_default=True, help='Chooses the held-out episodes.')
 @click.option('--overwrite', is_flag=True, help='Replace a file with edited rules (keeps .bak).')
 @_JSON
 def learn(
-    bags: tuple[str, ...], map_name: str, output: str, depth: int, clip: str, tail: float,
-    gamma: float, alpha: float, seed: int, overwrite: bool, as_json: bool,
+    bags: tuple[str, ...],
+    map_name: str,
+    output: str,
+    depth: int,
+    clip: str,
+    contamination: float,
+    gamma: float,
+    alpha: float,
+    seed: int,
+    overwrite: bool,
+    as_json: bool,
 ) -> None:
     """Learn constraints from recordings of safe driving.
 
@@ -79,10 +106,15 @@ def learn(
     from occ_constraints_pkg.bags.feature_map import load_feature_map
     from occ_constraints_pkg.rules.constraints_file import save_learned
 
-    settings = OCTreeSettings(max_depth=depth, clip=clip, tail=tail, gamma=gamma, alpha=alpha)
+    settings = OCTreeSettings(
+        max_depth=depth, clip=clip, contamination=contamination, gamma=gamma, alpha=alpha
+    )
     with _progress('reading') as progress:
         constraints = learn_from_recordings(
-            bags, load_feature_map(map_name), settings, rng=np.random.default_rng(seed),
+            bags,
+            load_feature_map(map_name),
+            settings,
+            rng=np.random.default_rng(seed),
             progress=progress,
         )
     save_learned(constraints, output, overwrite=overwrite)
@@ -136,9 +168,15 @@ def show(constraints: str, as_json: bool) -> None:
     rule_set = loaded.rule_set
     if as_json:
         rules = [
-            {'id': rule.id, 'text': rule.words(rule_set.space),
-             'formula': rule.formula(rule_set.space), 'enabled': rule.enabled, 'note': rule.note,
-             'evaluated': rule.evaluated, 'violated': rule.violated}
+            {
+                'id': rule.id,
+                'text': rule.words(rule_set.space),
+                'formula': rule.formula(rule_set.space),
+                'enabled': rule.enabled,
+                'note': rule.note,
+                'evaluated': rule.evaluated,
+                'violated': rule.violated,
+            }
             for rule in rule_set.rules
         ]
         _print_json({'rule_set': rule_set.fingerprint, 'edited': loaded.is_edited, 'rules': rules})
@@ -173,9 +211,7 @@ def check(bags: tuple[str, ...], constraints: str, as_json: bool) -> int:
     judgement = rule_set.judge(data.values)
     counts = RuleCounts(rule_set)
     counts.add(judgement)
-    shares = {
-        verdict.name: float(np.mean(judgement.verdict == verdict)) for verdict in Verdict
-    }
+    shares = {verdict.name: float(np.mean(judgement.verdict == verdict)) for verdict in Verdict}
     broken = [
         {'id': rule.id, 'text': rule.words(rule_set.space), 'violated': int(violated)}
         for rule, violated in zip(rule_set.rules, counts.violated, strict=True)
@@ -183,9 +219,16 @@ def check(bags: tuple[str, ...], constraints: str, as_json: bool) -> int:
     ]
     broken.sort(key=lambda item: -item['violated'])
     if as_json:
-        _print_json({'samples': len(data), 'shares': shares, 'violated_rules': broken,
-                     'smallest_margin': _number(np.nanmin(judgement.margin))
-                     if (judgement.verdict != Verdict.UNKNOWN).any() else None})
+        _print_json(
+            {
+                'samples': len(data),
+                'shares': shares,
+                'violated_rules': broken,
+                'smallest_margin': _number(np.nanmin(judgement.margin))
+                if (judgement.verdict != Verdict.UNKNOWN).any()
+                else None,
+            }
+        )
     else:
         parts = ', '.join(f'{share:.2%} {name}' for name, share in shares.items())
         click.echo(f'{len(data)} samples: {parts}')
@@ -196,8 +239,13 @@ def check(bags: tuple[str, ...], constraints: str, as_json: bool) -> int:
 
 @cli.command()
 @click.argument('constraints', type=click.Path())
-@click.option('-t', '--threshold', default=0.001, show_default=True,
-              help='Disable rules violated in a smaller share of their evaluations.')
+@click.option(
+    '-t',
+    '--threshold',
+    default=0.001,
+    show_default=True,
+    help='Disable rules violated in a smaller share of their evaluations.',
+)
 @click.option('-o', '--output', type=click.Path(), help='File to write; default: in place.')
 @_JSON
 def prune(constraints: str, threshold: float, output: str | None, as_json: bool) -> None:
@@ -217,8 +265,14 @@ def prune(constraints: str, threshold: float, output: str | None, as_json: bool)
     target = output or constraints
     pruned.save(target)
     if as_json:
-        _print_json({'output': target, 'pruned': result.pruned, 'untried': result.untried,
-                     'kept': [result.rule_set.rules[i].id for i in result.rule_set.order]})
+        _print_json(
+            {
+                'output': target,
+                'pruned': result.pruned,
+                'untried': result.untried,
+                'kept': [result.rule_set.rules[i].id for i in result.rule_set.order],
+            }
+        )
         return
     click.echo(describe_rules(pruned, counters=True))
     click.echo(f'{len(result.pruned)} rules disabled; written to {target}')
@@ -226,10 +280,19 @@ def prune(constraints: str, threshold: float, output: str | None, as_json: bool)
 
 @cli.command()
 @click.argument('world')
-@click.option('-o', '--output', required=True, type=click.Path(),
-              help='Directory for policy, metrics and checkpoint.')
-@click.option('--cost', default='true', show_default=True,
-              help="'true': the world's own cost; 'none': unconstrained; or a constraints file.")
+@click.option(
+    '-o',
+    '--output',
+    required=True,
+    type=click.Path(),
+    help='Directory for policy, metrics and checkpoint.',
+)
+@click.option(
+    '--cost',
+    default='true',
+    show_default=True,
+    help="'true': the world's own cost; 'none': unconstrained; or a constraints file.",
+)
 @click.option('--cost-limit', default=25.0, show_default=True, help='Mean cost per episode.')
 @click.option('--steps', default=1_000_000, show_default=True, help='Robot steps.')
 @click.option('--robots', default=64, show_default=True, help='Robots simulated at once.')
@@ -269,9 +332,15 @@ def train(
     try:
         with _progress('training', detail=True) as progress:
             run_training(
-                simulated, learner, source, seed=seed, total_steps=steps, log=log,
+                simulated,
+                learner,
+                source,
+                seed=seed,
+                total_steps=steps,
+                log=log,
                 progress=lambda metrics: progress(
-                    metrics.steps, steps,
+                    metrics.steps,
+                    steps,
                     f'return {metrics.mean_return:.1f} cost {metrics.mean_cost:.1f} '
                     f'multiplier {metrics.multiplier:.2f} {metrics.steps_per_s:.0f} steps/s',
                 ),
@@ -290,7 +359,7 @@ def train(
 
 @cli.command()
 @click.argument('policy', type=click.Path())
-@click.option('--world', help="Default: the one the policy was trained on.")
+@click.option('--world', help='Default: the one the policy was trained on.')
 @click.option('--episodes', default=50, show_default=True)
 @click.option('--seed', default=1, show_default=True)
 @click.option('--explore', is_flag=True, help='Sample actions instead of taking the mean.')
@@ -431,7 +500,10 @@ def _progress(label: str, *, detail: bool = False) -> Iterator[Callable[..., Non
     """Show a bar on stderr, only on a terminal; yields ``update(done, total, text='')``."""
     hidden = not sys.stderr.isatty()
     with click.progressbar(
-        length=1, label=label, file=sys.stderr, hidden=hidden,
+        length=1,
+        label=label,
+        file=sys.stderr,
+        hidden=hidden,
         item_show_func=(lambda text: text) if detail else None,
     ) as bar:
 

@@ -138,8 +138,16 @@ def dump_yaml(document: Any) -> str:
     Floats come back bit for bit (shortest repr; ``.inf`` and ``.nan`` as YAML spells them), keys
     keep their order, the innermost lists and mappings stand on one line, and there are no aliases.
     """
-    stream = io.StringIO()
-    _yaml().dump(_plain(document), stream)
+    plain = _plain(document)
+    text = _dump(plain, allow_unicode=True)
+    # Written raw, these count as line breaks to a YAML reader; escaped they come back.
+    return _dump(plain, allow_unicode=False) if set(text) & set('\x85\u2028\u2029') else text
+
+
+def _dump(plain: Any, *, allow_unicode: bool) -> str:
+    yaml, stream = _yaml(), io.StringIO()
+    yaml.allow_unicode = allow_unicode
+    yaml.dump(plain, stream)
     return stream.getvalue()
 
 
@@ -147,7 +155,6 @@ def _yaml() -> YAML:
     yaml = YAML(typ='safe', pure=True)
     yaml.default_flow_style = None
     yaml.sort_base_mapping_type_on_output = False
-    yaml.allow_unicode = True
     yaml.width = 100
     return yaml
 

@@ -16,7 +16,7 @@ import os
 import pickle
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ import numpy as np
 
 from occ_constraints_pkg.agents.policy import GaussianPolicy, column_names
 from occ_constraints_pkg.agents.rollout import Episodes, Normaliser, Rollout, advantages
+from occ_constraints_pkg.agents.settings import PPOLagrangianConfig, TrainingMetrics
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.worlds.base import Column
 from occ_constraints_pkg.worlds.stream import StepBatch
@@ -38,131 +39,6 @@ except ImportError as err:
     ) from err
 
 _FORMAT = 'occ_constraints checkpoint 1'
-
-
-@dataclass(frozen=True)
-class PPOLagrangianConfig:
-    """The learner's settings; the defaults suit some 64 to 256 robots on a CPU.
-
-    Attributes:
-        lagrangian: ``False`` ignores the cost altogether: unconstrained PPO.
-        cost_limit: allowed mean cost per episode, 0 or more.
-        multiplier_init: Lagrange multiplier at the start, 0 or more.
-        multiplier_lr: Adam's step size for the multiplier, per update.
-        rollout_steps: steps of each robot between updates.
-        passes: most passes over a rollout per update.
-        minibatch: transitions per gradient step.
-        actor_lr: Adam's step size for the policy.
-        critic_lr: Adam's step size for both critics.
-        gamma: discount per step, of reward and cost alike.
-        lam: GAE's lambda, of reward and cost alike.
-        clip: bound on the change of the probability ratio.
-        target_kl: an update ends after the pass in which the mean divergence of the new policy
-            from the old exceeds this.
-        max_grad_norm: bound on the gradient's norm, for each network on its own.
-        hidden: width of each hidden tanh layer, of all three networks.
-        log_std_init: logarithm of the policy's initial standard deviation.
-        observation_clip: bound on the normalised observation.
-        window: number of the last finished episodes over which means are taken.
-        device: where updates are computed, ``cpu`` or ``cuda``; acting always uses the CPU.
-        threads: CPU threads of torch, for the whole process. One is fastest whenever anything else
-            wants the cores, for threads wait for one another at every small layer.
-    """
-
-    lagrangian: bool = True
-    cost_limit: float = 25.0
-    multiplier_init: float = 0.001
-    multiplier_lr: float = 0.05
-    rollout_steps: int = 256
-    passes: int = 5
-    minibatch: int = 4096
-    actor_lr: float = 1e-3
-    critic_lr: float = 1e-3
-    gamma: float = 0.99
-    lam: float = 0.95
-    clip: float = 0.2
-    target_kl: float = 0.02
-    max_grad_norm: float = 1.0
-    hidden: tuple[int, ...] = (64, 64)
-    log_std_init: float = 0.0
-    observation_clip: float = 5.0
-    window: int = 100
-    device: str = 'cpu'
-    threads: int = 1
-
-    def __post_init__(self) -> None:
-        """Refuse settings outside their range.
-
-        Raises:
-            OccError: the first such setting.
-        """
-        for name in ('cost_limit', 'multiplier_init', 'multiplier_lr'):
-            self._require(name, getattr(self, name) >= 0, '0 or more')
-        for name in ('rollout_steps', 'passes', 'minibatch', 'window', 'threads'):
-            self._require(name, getattr(self, name) >= 1, '1 or more')
-        for name in (
-            'actor_lr',
-            'critic_lr',
-            'clip',
-            'target_kl',
-            'max_grad_norm',
-            'observation_clip',
-        ):
-            self._require(name, getattr(self, name) > 0, 'above 0')
-        for name in ('gamma', 'lam'):
-            self._require(name, 0 <= getattr(self, name) <= 1, 'from 0 to 1')
-        self._require('hidden', all(width >= 1 for width in self.hidden), 'widths of 1 or more')
-
-    def _require(self, name: str, holds: bool, allowed: str) -> None:
-        if not holds:
-            raise OccError(
-                f'learner setting {name} is {getattr(self, name)!r}; allowed is {allowed}'
-            )
-
-
-@dataclass(frozen=True)
-class TrainingMetrics:
-    """How training stood after an update; a mean over no episodes at all is NaN.
-
-    Attributes:
-        steps: transitions learned from, summed over robots.
-        updates: updates made.
-        episodes: episodes finished.
-        mean_return: mean undiscounted return of the last ``window`` episodes.
-        mean_cost: their mean cost.
-        mean_length: their mean number of steps.
-        cost_rate: mean cost per step in the rollout just learned from.
-        multiplier: the Lagrange multiplier used.
-        kl: mean divergence of the new policy from the old, measured during the last pass.
-        passes: passes made before it was reached.
-        entropy: of the policy, in nats.
-        policy_loss: mean over the last pass.
-        value_loss: mean squared error of the reward critic over the last pass.
-        cost_value_loss: mean squared error of the cost critic over the last pass.
-        steps_per_s: transitions per second of wall time since the update before.
-        update_s: seconds that this update took.
-    """
-
-    steps: int
-    updates: int
-    episodes: int
-    mean_return: float
-    mean_cost: float
-    mean_length: float
-    cost_rate: float
-    multiplier: float
-    kl: float
-    passes: int
-    entropy: float
-    policy_loss: float
-    value_loss: float
-    cost_value_loss: float
-    steps_per_s: float
-    update_s: float
-
-    def as_dict(self) -> dict[str, float]:
-        """Return the metrics by name, in the order above."""
-        return asdict(self)
 
 
 class PPOLagrangian:

@@ -101,7 +101,7 @@ class Episodes:
             self.whole |= ended
 
     def means(self) -> tuple[float, float, float]:
-        """Return mean return, cost and length of the recent ones; NaN while no episode has finished."""
+        """Return the recent ones' mean return, cost and length; NaN while none has finished."""
         if not self.recent:
             return math.nan, math.nan, math.nan
         return tuple(np.mean(self.recent, axis=0).tolist())

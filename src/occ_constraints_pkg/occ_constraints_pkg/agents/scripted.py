@@ -63,21 +63,24 @@ class _NavStraight:
     def __call__(self, observation: np.ndarray) -> np.ndarray:
         position = _checked(observation, 2, 'simple_nav')
         action = _toward(_NAV_GOAL, position)
-        return np.clip(action + self._rng.normal(0.0, 0.1, action.shape), -1.0, 1.0)
+        return np.clip(action + self._rng.normal(0.0, 0.03, action.shape), -1.0, 1.0)
 
 
 class _NavExpert:
     """Goes along the bottom, then up the right side, and never enters the forbidden region.
 
     In each episode it keeps to a lane of its own, so that several episodes together show the
-    width of the safe region. A position that jumps is taken for the start of a new episode.
+    width of the safe region. It gathers speed along the bottom, so it is seen least often just
+    before the turn. A position that jumps is taken for the start of a new episode.
     """
 
     # Lanes lie at this y along the bottom and at this x up the right side.
-    _LANES_Y = (0.11, 0.26)
-    _LANES_X = (0.74, 0.89)
+    _LANES_Y = (0.11, 0.285)
+    _LANES_X = (0.75, 0.89)
     # The corner of the forbidden region is (0.7, 0.3); the driver keeps this clear of it.
     _LOWEST_X, _HIGHEST_Y = 0.705, 0.295
+    # Speed along the bottom as a share of the highest: at x = 0, and its growth per x.
+    _SLOWEST, _PICK_UP = 0.05, 1.35
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._rng = rng
@@ -93,10 +96,10 @@ class _NavExpert:
         right = x < lane_x - _NAV_STEP
         action = np.where(
             right[:, None],
-            np.column_stack([np.ones_like(x), gain * (lane_y - y)]),
+            np.column_stack([self._SLOWEST + self._PICK_UP * x, gain * (lane_y - y)]),
             np.column_stack([gain * (lane_x - x), np.ones_like(y)]),
         )
-        action = np.clip(action, -1.0, 1.0) + self._rng.normal(0.0, 0.25, action.shape)
+        action = np.clip(action, -1.0, 1.0) + self._rng.normal(0.0, 0.15, action.shape)
         arriving = y > _NAV_GOAL[1] - 0.1
         action[arriving] = _toward(_NAV_GOAL, position[arriving])
         return np.clip(self._kept_clear(position, action), -1.0, 1.0)

@@ -18,7 +18,8 @@ from occ_constraints_pkg.worlds.base import World
 from occ_constraints_pkg.worlds.stream import EpisodeStream, StepBatch
 
 if TYPE_CHECKING:
-    from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian, TrainingMetrics
+    from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian
+    from occ_constraints_pkg.agents.settings import TrainingMetrics
 
 
 class CostSource(Protocol):

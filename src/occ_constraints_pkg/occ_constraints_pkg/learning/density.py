@@ -44,12 +44,16 @@ def bandwidth(ordered: np.ndarray) -> float:
 
     Args:
         ordered: (n,) at least two values in ascending order, not all equal.
+
+    Returns:
+        The bandwidth in the attribute's unit; not finite where squares of the values overflow.
     """
-    spread = ordered.std(ddof=1)
-    low, high = np.quantile(ordered, [0.25, 0.75])
-    if high > low:
-        spread = min(spread, (high - low) / 1.34)
-    return float(0.9 * spread * len(ordered) ** -0.2)
+    with np.errstate(over='ignore', invalid='ignore'):
+        spread = ordered.std(ddof=1)
+        low, high = np.quantile(ordered, [0.25, 0.75])
+        if high > low:
+            spread = np.minimum(spread, (high - low) / 1.34)
+        return float(0.9 * spread * len(ordered) ** -0.2)
 
 
 def estimate(ordered: np.ndarray) -> Density:
@@ -60,8 +64,8 @@ def estimate(ordered: np.ndarray) -> Density:
     """
     h = bandwidth(ordered)
     low, high = ordered[0] - _PADDING * h, ordered[-1] + _PADDING * h
-    wanted = int(np.ceil((high - low) / h * _CELLS_PER_BANDWIDTH))
-    size = int(np.clip(wanted, _SMALLEST_GRID, _LARGEST_GRID))
+    wanted = np.ceil((high - low) / h * _CELLS_PER_BANDWIDTH)
+    size = int(min(max(wanted, _SMALLEST_GRID), _LARGEST_GRID))
     grid = np.linspace(low, high, size)
     step = grid[1] - grid[0]
     place = (ordered - low) / step
@@ -69,5 +73,7 @@ def estimate(ordered: np.ndarray) -> Density:
     share = place - cell
     mass = np.bincount(cell, weights=1.0 - share, minlength=size)
     mass += np.bincount(cell + 1, weights=share, minlength=size)
-    smooth = gaussian_filter1d(mass, h / step, mode='constant', truncate=_PADDING)
+    # Under a tenth of a cell the kernel is one cell wide; its exact width must only not vanish.
+    sigma = max(h / step, 0.1)
+    smooth = gaussian_filter1d(mass, sigma, mode='constant', truncate=_PADDING)
     return Density(grid, smooth / (len(ordered) * step), h)

@@ -12,6 +12,10 @@ from scipy.signal import find_peaks
 from occ_constraints_pkg.learning.density import Density, bandwidth, estimate
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 
+# Part by which the level of mass clipping is lowered, so that rounding where the density crosses
+# it cannot cost the sample, or the many equal ones, that set it.
+_SLACK = 1e-6
+
 
 @dataclass(frozen=True)
 class Division:
@@ -29,7 +33,11 @@ class Division:
 
 
 def divide(
-    ordered: np.ndarray, extent: tuple[float, float], total: int, settings: OCTreeSettings
+    ordered: np.ndarray,
+    extent: tuple[float, float],
+    total: int,
+    tail: float,
+    settings: OCTreeSettings,
 ) -> Division | None:
     """Divide one attribute at one node: clip, revise, assess, shrink, and rate the result.
 
@@ -37,6 +45,7 @@ def divide(
         ordered: (n,) the node's values of the attribute, ascending.
         extent: the node's present interval of the attribute.
         total: number of samples the whole tree is trained on.
+        tail: for clipping by mass: largest share of the node's samples to leave outside.
         settings: the learner's parameters.
 
     Returns:
@@ -46,7 +55,10 @@ def divide(
     if not is_eligible(ordered):
         return None
     density = estimate(ordered)
-    pieces = clip(density, clip_level(density, ordered, settings))
+    if settings.clip == 'density':
+        pieces = clip(density, settings.gamma * float(density.values.max()))
+    else:
+        pieces = clip_mass(density, ordered, tail)
     pieces = revise(density, pieces, settings.alpha)
     intervals, counts = assess_and_shrink(ordered, pieces, settings.beta * total)
     if not len(intervals) or (len(intervals) == 1 and tuple(intervals[0]) == extent):
@@ -58,24 +70,28 @@ def is_eligible(ordered: np.ndarray) -> bool:
     """Tell whether an attribute may be divided (article, local pre-pruning, rules 1 and 3).
 
     Not when all values are equal, and not when the bandwidth is below the smallest step between
-    distinct values: then the data are quantised and a density makes no sense.
+    distinct values: then the data are quantised and a density makes no sense. Nor when the
+    numbers are so large that their spread overflows.
     """
     if ordered[0] == ordered[-1]:
         return False
-    steps = np.diff(ordered)
-    return bool(bandwidth(ordered) >= steps[steps > 0].min())
+    h = bandwidth(ordered)
+    with np.errstate(over='ignore'):
+        steps = np.diff(ordered)
+    return bool(np.isfinite(h) and h >= steps[steps > 0].min())
 
 
-def clip_level(density: Density, ordered: np.ndarray, settings: OCTreeSettings) -> float:
-    """Return the density below which the attribute's values count as outliers.
+def clip_mass(density: Density, ordered: np.ndarray, tail: float) -> list[tuple[float, float]]:
+    """Return the one stretch from the first to the last value that is not in a thin tail.
 
-    ``density`` clipping is the article's: a share gamma of the largest density. ``mass``
-    clipping, our extension, keeps the densest region that holds a share 1 - tail of the samples:
-    a spike at one value, as of an empty lidar bin, cannot then cut off everything else.
+    Our extension. The level is such that at most a share ``tail`` of the samples has a smaller
+    density; so a spike at one value, as of an empty lidar bin, cannot cut off everything else, as
+    it does when the level is a share of the largest density. Thin places between dense ones are
+    kept: in data with spikes they are everywhere and mean nothing.
     """
-    if settings.clip == 'density':
-        return settings.gamma * float(density.values.max())
-    return float(np.quantile(density.at(ordered), settings.tail, method='lower'))
+    level = float(np.quantile(density.at(ordered), tail, method='lower'))
+    pieces = clip(density, level * (1.0 - _SLACK))
+    return [(pieces[0][0], pieces[-1][1])]
 
 
 def clip(density: Density, level: float) -> list[tuple[float, float]]:
@@ -108,11 +124,12 @@ def revise(
     """Split pieces at significant minima of the density (article, step b).
 
     A minimum between two neighbouring maxima is significant when it is at most ``alpha`` times
-    the lower of the two. Nothing is split unless there are more modes than pieces.
+    the lower of the two; with alpha 0 none is. Nothing is split unless there are more modes than
+    pieces.
     """
     peaks, _ = find_peaks(np.concatenate(([0.0], density.values, [0.0])))
     peaks -= 1
-    if not pieces or len(peaks) <= len(pieces):
+    if alpha == 0.0 or len(peaks) <= len(pieces):
         return pieces
     cuts = []
     for left, right in zip(peaks[:-1], peaks[1:], strict=True):
@@ -149,7 +166,7 @@ def assess_and_shrink(
 def impurity(
     ordered: np.ndarray, intervals: np.ndarray, counts: np.ndarray, extent: tuple[float, float]
 ) -> float:
-    """Return the proxy of the Gini impurity against virtual uniform outliers (article, eq. for I_G).
+    """Return the proxy of the Gini impurity against uniform outliers (article, eq. for I_G).
 
     As many outliers as samples are thought to be spread evenly over the node's interval; each
     part, target intervals and what lies between them alike, adds n n' / (n + n').
@@ -164,4 +181,6 @@ def impurity(
     last = np.searchsorted(ordered, intervals[:, 1], side='right')
     samples[0::2] = np.concatenate((first, [len(ordered)])) - np.concatenate(([0], last))
     both = samples + outliers
-    return float(np.sum(np.divide(samples * outliers, both, out=np.zeros_like(both), where=both > 0)))
+    return float(
+        np.sum(np.divide(samples * outliers, both, out=np.zeros_like(both), where=both > 0))
+    )

@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from occ_constraints_pkg.learning.tree import Node
@@ -11,8 +13,22 @@ from occ_constraints_pkg.rules.rule import Literal, Rule
 from occ_constraints_pkg.rules.ruleset import RuleSet, rule_ids
 from occ_constraints_pkg.rules.space import FeatureSpace
 
-# What a path has settled about one feature: lower and upper bound, each inclusive or absent.
-_Range = tuple[float | None, float | None]
+
+class _Range(NamedTuple):
+    """What a path through the tree settles about one feature.
+
+    Attributes:
+        low: left bound of the path's interval.
+        high: right bound.
+        floor: lower bound that a rule under this path has to state: what lies between ``low`` and
+            ``floor`` belongs to no leaf, so the rule may as well be true there.
+        ceiling: upper bound that a rule has to state.
+    """
+
+    low: float = -np.inf
+    high: float = np.inf
+    floor: float = -np.inf
+    ceiling: float = np.inf
 
 
 def extract_rules(root: Node, space: FeatureSpace, demonstrated: np.ndarray) -> RuleSet:
@@ -23,20 +39,29 @@ def extract_rules(root: Node, space: FeatureSpace, demonstrated: np.ndarray) -> 
     joins "outside branch 1" with "outside branch 2" by *or*, which for two branches is true
     everywhere.) Two rules per feature add the demonstrated minimum and maximum.
 
-    Literals that the path or the physical bounds already imply are left out, and so are rules
-    that can never be true or that a rule of one literal contains.
+    A branch's condition keeps only the bounds that tell it from its siblings. Below the first
+    branch and above the last one every sample is a violation already, so a deeper rule need not
+    exclude it: ``x > 2 or (x <= 2 and y > 3)`` is ``x > 2 or y > 3``. A chain of splits with one
+    branch each thus gives rules of one literal, and disabling one of them takes nothing away
+    from the others.
+
+    Rules that can never be true within the physical bounds, or that a rule of one literal
+    contains, are left out.
 
     Args:
         root: the tree.
         space: the features, with their physical bounds.
         demonstrated: (k, 2) smallest and largest demonstrated values.
+
+    Returns:
+        The rules in ascending number of literals.
     """
     conjunctions = [
         (Literal(feature, operator, float(bound)),)
         for feature, (low, high) in enumerate(demonstrated)
         for operator, bound in (('<', low), ('>', high))
     ]
-    conjunctions += _outside(root, {}, space)
+    conjunctions += _outside(root, {})
     conjunctions = [item for item in conjunctions if _is_satisfiable(item, space)]
     conjunctions = _without_contained(conjunctions)
     conjunctions.sort(key=len)
@@ -45,44 +70,53 @@ def extract_rules(root: Node, space: FeatureSpace, demonstrated: np.ndarray) -> 
     return RuleSet(space, rules, np.asarray(demonstrated, dtype=np.float64))
 
 
-def _outside(
-    node: Node, path: dict[int, _Range], space: FeatureSpace
-) -> list[tuple[Literal, ...]]:
-    """Return the conjunctions that hold on ``path`` but in no leaf below ``node``."""
+def _outside(node: Node, path: dict[int, _Range]) -> list[tuple[Literal, ...]]:
+    """Return conjunctions that together hold wherever on ``path`` there is no leaf."""
     if node.feature is None:
         return []
     feature, branches = node.feature, node.branches
-    low, high = path.get(feature, (None, None))
-    elsewhere = {key: value for key, value in path.items() if key != feature}
-    given = _literals(elsewhere, space)
+    own = path.get(feature, _Range())
+    given = [
+        literal
+        for other, item in path.items()
+        if other != feature
+        for literal in (*_at_least(other, item.floor), *_at_most(other, item.ceiling))
+    ]
+    first, last = branches[0], branches[-1]
     found = []
-    if low is None or branches[0].low > low:
-        own = _literals({feature: (low, None)}, space)
-        found.append((*given, *own, Literal(feature, '<', branches[0].low)))
+    if first.low > own.low:
+        found.append((*given, *_at_least(feature, own.floor), Literal(feature, '<', first.low)))
     for left, right in zip(branches[:-1], branches[1:], strict=True):
-        gap = (Literal(feature, '>', left.high), Literal(feature, '<', right.low))
-        found.append((*given, *gap))
-    if high is None or branches[-1].high < high:
-        own = _literals({feature: (None, high)}, space)
-        found.append((*given, Literal(feature, '>', branches[-1].high), *own))
+        # Half-open neighbours may be so close that no number lies between them.
+        if np.nextafter(left.high, np.inf) < right.low:
+            gap = (Literal(feature, '>', left.high), Literal(feature, '<', right.low))
+            found.append((*given, *gap))
+    if last.high < own.high:
+        found.append((*given, Literal(feature, '>', last.high), *_at_most(feature, own.ceiling)))
     for branch in branches:
-        found += _outside(branch.node, {**path, feature: (branch.low, branch.high)}, space)
+        inner = _Range(
+            branch.low,
+            branch.high,
+            own.floor if branch is first else branch.low,
+            own.ceiling if branch is last else branch.high,
+        )
+        found += _outside(branch.node, {**path, feature: inner})
     return found
 
 
-def _literals(path: dict[int, _Range], space: FeatureSpace) -> tuple[Literal, ...]:
-    """Write a path's ranges as literals, without those that the physical bounds imply."""
-    literals = []
-    for feature, (low, high) in path.items():
-        if low is not None and low > space.lows[feature]:
-            literals.append(Literal(feature, '>=', low))
-        if high is not None and high < space.highs[feature]:
-            literals.append(Literal(feature, '<=', high))
-    return tuple(literals)
+def _at_least(feature: int, bound: float) -> tuple[Literal, ...]:
+    return (Literal(feature, '>=', bound),) if bound > -np.inf else ()
+
+
+def _at_most(feature: int, bound: float) -> tuple[Literal, ...]:
+    return (Literal(feature, '<=', bound),) if bound < np.inf else ()
 
 
 def _is_satisfiable(literals: tuple[Literal, ...], space: FeatureSpace) -> bool:
-    """Tell whether any value within the physical bounds makes all strict literals true."""
+    """Tell whether values within the physical bounds make all strict literals true.
+
+    The others hold at the bounds of some branch, which training samples attained.
+    """
     return all(
         literal.bound > space.lows[literal.feature]
         if literal.operator == '<'
@@ -100,19 +134,17 @@ def _without_contained(conjunctions: list[tuple[Literal, ...]]) -> list[tuple[Li
             key = literals[0].feature, literals[0].operator
             pick = max if literals[0].is_upper else min
             widest[key] = pick(widest.get(key, literals[0].bound), literals[0].bound)
-    kept, alone = [], set()
-    for literals in conjunctions:
-        if len(literals) == 1:
-            key = literals[0].feature, literals[0].operator
-            if literals[0].bound == widest[key] and key not in alone:
-                alone.add(key)
-                kept.append(literals)
-        elif not any(_implies(literal, widest) for literal in literals):
-            kept.append(literals)
-    return kept
+    alone = [(Literal(feature, operator, bound),) for (feature, operator), bound in widest.items()]
+    longer = [
+        literals
+        for literals in conjunctions
+        if len(literals) > 1 and not any(_implies(literal, widest) for literal in literals)
+    ]
+    return alone + longer
 
 
 def _implies(literal: Literal, widest: dict[tuple[int, str], float]) -> bool:
+    """Tell whether ``literal`` can only hold where the strict one on the same side holds."""
     strict = literal.operator[0]
     bound = widest.get((literal.feature, strict))
     if bound is None:

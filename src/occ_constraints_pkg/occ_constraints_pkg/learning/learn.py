@@ -53,13 +53,17 @@ def learn(
         held_out_share: share of episodes to hold out when there are five or more.
         feature_map: document of the feature map, kept in the file.
         bags: name, sha256 and messages of each recording, kept in the file.
-        progress: called with (level, open nodes) after each level of the tree.
+        progress: called with (level, leaves so far) after each level of the tree.
 
     Raises:
-        OccError: no usable sample is left.
+        OccError: there is no usable sample, or the share is not within 0 to 1.
     """
+    if not 0.0 <= held_out_share < 1.0:
+        raise OccError(f'held_out_share is {held_out_share}; allowed is 0 <= held_out_share < 1')
     settings = settings if settings is not None else OCTreeSettings()
     rows = space.check_rows(values)
+    if not len(rows):
+        raise OccError('there are no samples to learn from; allowed are one or more')
     usable = (
         np.isfinite(rows).all(axis=1)
         & (rows >= space.lows).all(axis=1)
@@ -75,7 +79,8 @@ def learn(
     names = np.unique(episodes)
     chosen = names[:0]
     if len(names) >= _LEAST_EPISODES_TO_HOLD_OUT:
-        chosen = rng.choice(names, size=round(held_out_share * len(names)), replace=False)
+        count = min(round(held_out_share * len(names)), len(names) - 1)
+        chosen = rng.choice(names, size=count, replace=False)
         held_out = np.isin(episodes, chosen)
     training = rows[~held_out]
     tree = fit_tree(training, settings, progress=progress)
@@ -122,7 +127,5 @@ def _covered(rule_set: RuleSet, rows: np.ndarray) -> float:
 
 def _worst_feature(rows: np.ndarray, space: FeatureSpace) -> str:
     bad = ~(np.isfinite(rows) & (rows >= space.lows) & (rows <= space.highs))
-    if not bad.size:
-        return ''
     worst = int(bad.mean(axis=0).argmax())
     return f'; worst is {space.names[worst]!r}, unusable in {bad[:, worst].mean():.0%} of them'

@@ -11,7 +11,7 @@ import numpy as np
 
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.learning.division import Division, divide
-from occ_constraints_pkg.learning.settings import OCTreeSettings
+from occ_constraints_pkg.learning.settings import DEEPEST, OCTreeSettings
 from occ_constraints_pkg.learning.tree import Branch, Node
 
 
@@ -47,14 +47,15 @@ def fit_tree(
 ) -> Node:
     """Learn the region that the samples cover.
 
-    Grows level by level. Growth ends at the depth limit; when a level adds no branch and leaves
-    the share of covered samples as it was; and, where nu is set, before that share falls under
-    1 - nu (the article does not say whether the level that oversteps is kept: here it is undone).
+    Grows level by level, until no node can be divided or the depth limit is reached. Where nu is
+    set, the article's two conditions end growth earlier: when a level has added no node and left
+    the share of covered samples as it was, and before that share falls under 1 - nu (the article
+    does not say whether the level that oversteps is kept: here it is undone).
 
     Args:
         values: (n, k) finite samples.
         settings: the learner's parameters.
-        progress: called with (level, open nodes) after each level.
+        progress: called with (level, leaves so far) after each level.
 
     Returns:
         The tree's root; a leaf when nothing could be divided.
@@ -73,21 +74,25 @@ def fit_tree(
         )
     extent = np.stack([samples.min(axis=0), samples.max(axis=0)], axis=1)
     root = _Growing(np.arange(len(samples)), extent, frozenset())
-    leaves, covered, level = [root], len(samples), 0
-    while settings.max_depth is None or level < settings.max_depth:
-        for leaf in leaves:
-            _split(leaf, samples, settings)
-        grown = [child for leaf in leaves for child in (leaf.children or [leaf])]
-        still_covered = sum(len(leaf.rows) for leaf in grown)
-        if settings.nu is not None and still_covered < (1.0 - settings.nu) * len(samples):
-            for leaf in leaves:
-                leaf.children = []
+    deepest = DEEPEST if settings.max_depth is None else settings.max_depth
+    growing, leaves, covered = [root], [], len(samples)
+    for level in range(deepest):
+        for node in growing:
+            _split(node, samples, settings)
+        divided = [node for node in growing if node.children]
+        if not divided:
             break
-        stable = len(grown) == len(leaves) and still_covered == covered
-        leaves, covered, level = grown, still_covered, level + 1
+        leaves += [node for node in growing if not node.children]
+        growing = [child for node in divided for child in node.children]
+        covered_before, covered = covered, sum(len(node.rows) for node in leaves + growing)
+        if settings.nu is not None and (len(samples) - covered) / len(samples) > settings.nu:
+            for node in divided:
+                node.children = []
+            break
         if progress is not None:
-            progress(level, len(leaves))
-        if stable:
+            progress(level + 1, len(leaves) + len(growing))
+        stable = len(growing) == len(divided) and covered == covered_before
+        if settings.nu is not None and stable:
             break
     return root.freeze()
 
@@ -100,13 +105,14 @@ def _split(node: _Growing, samples: np.ndarray, settings: OCTreeSettings) -> Non
     """
     if len(node.rows) < max(2.0, settings.min_split * len(samples)):
         return
+    tail = settings.contamination / samples.shape[1]
     best: Division | None = None
     for feature in range(samples.shape[1]):
         if feature in node.blocked:
             continue
         ordered = np.sort(samples[node.rows, feature])
         low, high = node.extent[feature]
-        division = divide(ordered, (low, high), len(samples), settings)
+        division = divide(ordered, (low, high), len(samples), tail, settings)
         if division is not None and (best is None or division.impurity < best.impurity):
             best, node.feature = division, feature
     if best is None:

@@ -46,10 +46,9 @@ def prune(rule_set: RuleSet, threshold: float) -> Pruning:
     for rule in rule_set.rules:
         if rule.enabled and not rule.evaluated:
             untried.append(rule.id)
-        elif rule.enabled and rule.violated < threshold * rule.evaluated:
+        elif rule.enabled and rule.violated / rule.evaluated < threshold:
             reason = (
-                f'pruned: violated {rule.violated} of {rule.evaluated} times, '
-                f'below {threshold:g}'
+                f'pruned: violated {rule.violated} of {rule.evaluated} times, below {threshold:g}'
             )
             note = f'{rule.note}; {reason}' if rule.note else reason
             rule = replace(rule, enabled=False, note=note)

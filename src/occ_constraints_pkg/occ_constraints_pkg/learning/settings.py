@@ -8,31 +8,40 @@ from dataclasses import dataclass
 
 from occ_constraints_pkg.errors import OccError
 
+# Deeper trees could not be written to a file: YAML and JSON schema readers nest with them.
+DEEPEST = 100
+
 
 @dataclass(frozen=True)
 class OCTreeSettings:
     """Parameters of the OC-tree learner; gamma, alpha, beta and nu are the article's.
 
     Attributes:
-        max_depth: most levels of splits, as in the paper; ``None`` for no limit.
+        max_depth: most levels of splits, as in the paper; ``None``, as in the article, for no
+            limit but :data:`DEEPEST`.
         clip: how an attribute's outliers are cut off: ``mass`` (by the share of samples) or
             ``density`` (the article's way, by the share of the largest density).
-        tail: for ``mass``: share of a node's samples left outside per split.
+        contamination: for ``mass``: share of the demonstrated samples that may lie outside. Each
+            split leaves out at most this over the number of features, so a tree that uses each
+            feature once keeps within it.
         gamma: for ``density``: share of the largest density below which values are outliers.
         alpha: a minimum of the density at most this share of the lower neighbouring maximum
-            splits an interval.
+            splits an interval; 0 never splits. The article advises 0.5.
         beta: an interval with a smaller share of all training samples is dropped.
         min_split: a node with a smaller share of all training samples is not divided further;
             the article has no such limit (0).
         nu: stop before more than this share of the training samples lies outside; ``None`` lets
             the depth limit alone decide.
+
+    Raises:
+        OccError: a value is not allowed.
     """
 
     max_depth: int | None = 20
     clip: str = 'mass'
-    tail: float = 0.005
+    contamination: float = 0.01
     gamma: float = 0.05
-    alpha: float = 0.5
+    alpha: float = 0.0
     beta: float = 0.0001
     min_split: float = 0.02
     nu: float | None = None
@@ -40,9 +49,9 @@ class OCTreeSettings:
     def __post_init__(self) -> None:
         if self.clip not in ('mass', 'density'):
             raise OccError(f"clip is {self.clip!r}; allowed are 'mass' and 'density'")
-        if self.max_depth is not None and self.max_depth < 0:
-            raise OccError(f'max_depth is {self.max_depth}; allowed is 0 or more')
-        for name in ('tail', 'gamma', 'beta', 'min_split'):
+        if self.max_depth is not None and not 0 <= self.max_depth <= DEEPEST:
+            raise OccError(f'max_depth is {self.max_depth}; allowed is 0 to {DEEPEST}')
+        for name in ('contamination', 'gamma', 'beta', 'min_split'):
             value = getattr(self, name)
             if not 0.0 <= value < 1.0:
                 raise OccError(f'{name} is {value}; allowed is 0 <= {name} < 1')

@@ -31,6 +31,8 @@ class Branch:
 class Node:
     """A leaf (no feature, no branches) or a split of one feature into disjoint intervals.
 
+    A split of a feature that was split above lies within the interval of its branch there.
+
     Attributes:
         feature: position of the split feature, ``None`` at a leaf.
         branches: in ascending order of their intervals; at least one at a split.
@@ -49,8 +51,7 @@ class Node:
             yield box
         for branch in self.branches:
             inner = box.copy()
-            low, high = inner[self.feature]
-            inner[self.feature] = max(low, branch.low), min(high, branch.high)
+            inner[self.feature] = branch.low, branch.high
             yield from branch.node._boxes(inner)
 
     def contains(self, values: np.ndarray) -> np.ndarray:
@@ -65,7 +66,9 @@ class Node:
             return
         column = values[rows, self.feature]
         for branch in self.branches:
-            branch.node._mark(values, rows[(column >= branch.low) & (column <= branch.high)], inside)
+            branch.node._mark(
+                values, rows[(column >= branch.low) & (column <= branch.high)], inside
+            )
 
     @property
     def depth(self) -> int:

@@ -57,6 +57,6 @@ def node_main(name: str):
         if str(error.name).startswith('occ_constraints_pkg'):
             raise
         raise OccError(
-            f"node {name!r} needs the module {error.name!r}, which is not installed: "
+            f'node {name!r} needs the module {error.name!r}, which is not installed: '
             f"pip install 'occ_constraints_pkg[{extra}]', or source the ROS 2 setup file"
         ) from error

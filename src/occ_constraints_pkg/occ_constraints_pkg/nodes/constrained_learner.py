@@ -35,7 +35,9 @@ class ConstrainedLearner(OccNode):
             'total_steps', 1_000_000, 'robot steps after which training ends', low=1
         )
         self._seconds = self.parameter(
-            'seconds', 0.0, 'wall time from the first step after which it ends; 0: no limit',
+            'seconds',
+            0.0,
+            'wall time from the first step after which it ends; 0: no limit',
             low=0.0,
         )
         self._seed = self.parameter('seed', 0, 'seed of weights and exploration', low=0)

@@ -56,8 +56,11 @@ class Monitor(OccNode):
             'timeout', 1.0, 'seconds without input until the verdict is UNKNOWN', low=0.01
         )
         self._threshold = self.parameter(
-            'prune_threshold', 0.001, 'share of violations under which ~/prune disables a rule',
-            low=0.0, high=1.0,
+            'prune_threshold',
+            0.001,
+            'share of violations under which ~/prune disables a rule',
+            low=0.0,
+            high=1.0,
         )
         self._pruned_file = self.parameter(
             'pruned_file', '', 'where ~/prune writes the constraints file; none: nowhere'
@@ -79,7 +82,10 @@ class Monitor(OccNode):
         self._markers = self._publisher(MarkerArray, 'markers')
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self.create_subscription(
-            String, 'constraints', self._on_constraints, LATCHED,
+            String,
+            'constraints',
+            self._on_constraints,
+            LATCHED,
             qos_overriding_options=overridable(),
         )
         self.create_service(Trigger, '~/prune', self._on_prune)
@@ -91,9 +97,7 @@ class Monitor(OccNode):
             self._use(load_constraints(path), path)
 
     def _publisher(self, kind: Any, topic: str) -> Any:
-        return self.create_publisher(
-            kind, topic, VERDICTS, qos_overriding_options=overridable()
-        )
+        return self.create_publisher(kind, topic, VERDICTS, qos_overriding_options=overridable())
 
     def _on_constraints(self, message: String) -> None:
         try:
@@ -169,7 +173,11 @@ class Monitor(OccNode):
     def _report(self) -> None:
         now = self.get_clock().now().nanoseconds
         level, text = DiagnosticStatus.OK, 'judging'
-        values: dict[str, object] = {'enabled': self._enabled}
+        values: dict[str, object] = {
+            'enabled': self._enabled,
+            # Lets a test or a launch script start the input only when its listeners are there.
+            'subscribers': min(p.get_subscription_count() for p in (self._costs, self._violation)),
+        }
         if self._constraints is None:
             level, text = DiagnosticStatus.STALE, 'no rule set yet'
         else:
@@ -192,9 +200,7 @@ class Monitor(OccNode):
         try:
             if self._constraints is None:
                 raise OccError('there is no rule set yet')
-            result = prune(
-                self._constraints.rule_set.with_counts(self._counts), self._threshold
-            )
+            result = prune(self._constraints.rule_set.with_counts(self._counts), self._threshold)
             pruned = self._constraints.with_rule_set(result.rule_set)
             if self._pruned_file:
                 pruned.save(self._pruned_file)

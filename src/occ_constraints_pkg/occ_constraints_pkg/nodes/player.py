@@ -49,7 +49,7 @@ class Player(OccNode):
 
     def _publisher(self, topic: str, info: Any) -> Any:
         """Offer what was offered when the bag was recorded, as far as the bag says."""
-        offered = info.qos[0] if info.qos else {}
+        offered = info.offered_qos[0] if info.offered_qos else {}
         best_effort = offered.get('reliability') == 'best_effort'
         latched = offered.get('durability') == 'transient_local'
         profile = QoSProfile(
@@ -58,9 +58,7 @@ class Player(OccNode):
             reliability=(
                 ReliabilityPolicy.BEST_EFFORT if best_effort else ReliabilityPolicy.RELIABLE
             ),
-            durability=(
-                DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
-            ),
+            durability=(DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE),
         )
         return self.create_publisher(message_class(info.msgtype), topic, profile)
 

@@ -4,23 +4,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from sensor_msgs.msg import PointCloud2
 
+from occ_constraints_pkg.agents.drivers import find_driver
 from occ_constraints_pkg.agents.policy import GaussianPolicy
-from occ_constraints_pkg.agents.scripted import make_driver
+from occ_constraints_pkg.agents.scripted import Driver
 from occ_constraints_pkg.bags.table import Table
-from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.ros.lockstep import Pairing
 from occ_constraints_pkg.ros.messages import table_message, to_nanoseconds
 from occ_constraints_pkg.ros.process import OccNode, run_node
 from occ_constraints_pkg.ros.qos import STEPS, overridable
 from occ_constraints_pkg.ros.tables import STEP_COLUMNS, action_table
 from occ_constraints_pkg.worlds.registry import world_class
-
-_Act = Callable[[np.ndarray], np.ndarray]
 
 
 class Policy(OccNode):
@@ -29,7 +25,7 @@ class Policy(OccNode):
     def __init__(self) -> None:
         super().__init__('policy')
         self._name = self.parameter(
-            'policy', 'random', "a policy file (.npz) or a scripted driver, such as 'random'"
+            'policy', 'random', "policy file (.npz), or a driver such as 'expert' or 'random'"
         )
         seed = self.parameter('seed', 0, 'seed of the random choices', low=0)
         self._explore = self.parameter(
@@ -40,9 +36,9 @@ class Policy(OccNode):
         )
         self._rng = np.random.default_rng(seed)
         # A policy file is read now, so that a mistake shows before the first observation.
-        is_file = self._name.endswith('.npz')
-        self._trained = GaussianPolicy.load(self._name) if is_file else None
-        self._act: _Act | None = None
+        if self._name.endswith('.npz'):
+            GaussianPolicy.load(self._name)
+        self._driver: Driver | None = None
         self._action = self.create_publisher(
             PointCloud2, 'action', STEPS, qos_overriding_options=overridable()
         )
@@ -64,24 +60,12 @@ class Policy(OccNode):
     def _answer(self, message: PointCloud2, _costs: PointCloud2 | None) -> None:
         world = message.header.frame_id
         table = Table.from_message(message)
-        if self._act is None:
-            self._act = self._make_driver(world, table.names)
-        action = self._act(table.values[:, : -len(STEP_COLUMNS)])
-        answer = action_table(world_class(world).action_columns, action)
-        self._action.publish(
-            table_message(answer, to_nanoseconds(message.header.stamp), world)
-        )
-
-    def _make_driver(self, world: str, names: tuple[str, ...]) -> _Act:
-        if self._trained is None:
-            return make_driver(world, self._name, self._rng)
-        trained, rng = self._trained, self._rng if self._explore else None
-        if trained.columns != names[: -len(STEP_COLUMNS)]:
-            raise OccError(
-                f'policy {self._name} was trained on {trained.world} with {len(trained.columns)} '
-                f'columns; the observations come from {world} and have other ones'
-            )
-        return lambda observation: trained.act(observation, rng)
+        kind = world_class(world)
+        if self._driver is None:
+            self._driver = find_driver(kind, self._name, self._rng, explore=self._explore)
+        action = self._driver(table.values[:, : -len(STEP_COLUMNS)])
+        answer = action_table(kind.action_columns, action)
+        self._action.publish(table_message(answer, to_nanoseconds(message.header.stamp), world))
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -103,9 +103,7 @@ class Sim(OccNode):
             else:
                 self._waiting = table.values
         except OccError as error:
-            self.get_logger().error(
-                f'action ignored: {error}', throttle_duration_sec=1.0
-            )
+            self.get_logger().error(f'action ignored: {error}', throttle_duration_sec=1.0)
 
     def _tick(self) -> None:
         action, self._waiting = self._waiting, None

@@ -63,9 +63,7 @@ class TreeLearner(OccNode):
         self.create_service(Trigger, '~/learn', self._on_learn)
         if bags:
             self.get_logger().info(f'learning from {", ".join(bags)}')
-            self._hand_out(
-                learn_from_recordings(bags, self._map, self._settings, rng=self._rng)
-            )
+            self._hand_out(learn_from_recordings(bags, self._map, self._settings, rng=self._rng))
             if self._exit:
                 self.finish()
         else:

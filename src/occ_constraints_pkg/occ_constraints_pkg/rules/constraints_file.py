@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 import os
+import shutil
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -17,8 +18,9 @@ from occ_constraints_pkg.documents import (
     did_you_mean,
     dump_yaml,
     load_schema,
-    parse_document,
+    parse_yaml,
     read_text,
+    validate,
 )
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.rules.rule import Literal, Rule
@@ -52,10 +54,13 @@ class Constraints:
 
     @property
     def is_edited(self) -> bool:
-        """Whether rules were changed since they were learned: a bound, ``enabled`` or a note."""
-        learned = self.provenance.get('learned_formula')
+        """Whether the rules are a person's: noted, changed since they were learned, or all own.
+
+        A change is one of the formula: a bound moved, a rule disabled, added or removed. A file
+        that does not say what was learned was written by hand.
+        """
         noted = any(rule.note for rule in self.rule_set.rules)
-        return noted or (learned is not None and learned != self.rule_set.fingerprint)
+        return noted or self.provenance.get('learned_formula') != self.rule_set.fingerprint
 
     def with_rule_set(self, rule_set: RuleSet) -> Constraints:
         """Return the same file with another rule set over the same features."""
@@ -72,14 +77,13 @@ class Constraints:
                 'bounds': [_finite_or_none(feature.low), _finite_or_none(feature.high)],
                 'demonstrated': [float(low), float(high)],
             }
-            for feature, (low, high) in zip(
-                space.features, self.rule_set.demonstrated, strict=True
-            )
+            for feature, (low, high) in zip(space.features, self.rule_set.demonstrated, strict=True)
         ]
         document['rules'] = [_rule_document(rule, space) for rule in self.rule_set.rules]
         for key in ('feature_map', 'tree', 'learner', 'coverage', 'provenance'):
             value = getattr(self, key)
-            if value:
+            # An empty tree is a lone leaf, which is not the same as no tree.
+            if value or (key == 'tree' and value is not None):
                 document[key] = dict(value)
         return dump_yaml(document)
 
@@ -90,13 +94,17 @@ class Constraints:
             OccError: the file cannot be written.
         """
         target = Path(path)
-        draft = target.with_name(f'.{target.name}.{os.getpid()}')
+        draft = target.parent / f'.{target.name}.{os.getpid()}'
+        data = self.dumps().encode()
         try:
             target.parent.mkdir(parents=True, exist_ok=True)
-            draft.write_text(self.dumps(), encoding='utf-8')
-            draft.replace(target)
+            try:
+                draft.write_bytes(data)
+                draft.replace(target)
+            except OSError:
+                draft.unlink(missing_ok=True)
+                raise
         except OSError as error:
-            draft.unlink(missing_ok=True)
             raise OccError(f'cannot write {path}: {error.strerror}') from error
 
 
@@ -128,7 +136,11 @@ def save_learned(constraints: Constraints, path: str | Path, *, overwrite: bool 
                 f'{target} was edited since it was learned (rules changed, disabled or noted); '
                 'choose another file, or allow overwriting, which keeps a copy'
             )
-        target.replace(target.with_name(f'{target.name}.bak'))
+        copy = target.with_name(f'{target.name}.bak')
+        try:
+            shutil.copy2(target, copy)
+        except OSError as error:
+            raise OccError(f'cannot write {copy}: {error.strerror}') from error
     constraints.save(target)
 
 
@@ -138,7 +150,9 @@ def parse_constraints(text: str, where: str) -> Constraints:
     Raises:
         OccError: the text is not valid; the sentence names line, key and value.
     """
-    document = parse_document(text, _SCHEMA, where)
+    document = parse_yaml(text, where)
+    _check_version(document, where)
+    validate(document, _SCHEMA, where, text=text)
     try:
         space = FeatureSpace(tuple(_feature(item) for item in document['features']))
         demonstrated = np.array(
@@ -148,7 +162,7 @@ def parse_constraints(text: str, where: str) -> Constraints:
             _rule(item, f'rules[{index}]', space) for index, item in enumerate(document['rules'])
         )
         rule_set = RuleSet(space, rules, demonstrated)
-    except OccError as error:
+    except (OccError, OverflowError) as error:
         raise OccError(f'{where}: {error}') from error
     return Constraints(
         rule_set,
@@ -158,6 +172,16 @@ def parse_constraints(text: str, where: str) -> Constraints:
         document.get('coverage', {}),
         document.get('provenance', {}),
     )
+
+
+def _check_version(document: Any, where: str) -> None:
+    """Refuse a newer file by its version; else its first new key would look like a slip."""
+    version = document.get('schema_version') if isinstance(document, dict) else None
+    if isinstance(version, int) and version > SCHEMA_VERSION:
+        raise OccError(
+            f'{where}: schema_version: got {version}, written by a newer occ_constraints_pkg; '
+            f'allowed here is {SCHEMA_VERSION}'
+        )
 
 
 def _feature(item: Mapping[str, Any]) -> Feature:
@@ -183,16 +207,16 @@ def _rule(item: Mapping[str, Any], where: str, space: FeatureSpace) -> Rule:
 
 def _literals(items: list, where: str, space: FeatureSpace) -> Iterator[Literal]:
     for index, item in enumerate(items):
-        name, bound = item['feature'], float(item['bound'])
+        name = item['feature']
         if name not in space.names:
             hint = did_you_mean(name, space.names) or ';'
             raise OccError(
-                f'{where}[{index}].feature: got {name!r}{hint} '
-                f'allowed are {", ".join(space.names)}'
+                f'{where}[{index}].feature: got {name!r}{hint} allowed are {", ".join(space.names)}'
             )
-        if not math.isfinite(bound):
-            raise OccError(f'{where}[{index}].bound: got {bound}; allowed is a finite number')
-        yield Literal(space.index(name), item['operator'], bound)
+        try:
+            yield Literal(space.index(name), item['operator'], float(item['bound']))
+        except OccError as error:
+            raise OccError(f'{where}[{index}].{error}') from error
 
 
 def _rule_document(rule: Rule, space: FeatureSpace) -> dict[str, Any]:

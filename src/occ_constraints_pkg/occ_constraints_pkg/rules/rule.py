@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from occ_constraints_pkg.errors import OccError
@@ -20,6 +21,9 @@ class Literal:
         feature: position of the feature in its space.
         operator: ``<``, ``<=``, ``>`` or ``>=``.
         bound: finite number in the feature's unit.
+
+    Raises:
+        OccError: the operator is unknown, or the bound not finite.
     """
 
     feature: int
@@ -31,6 +35,8 @@ class Literal:
             raise OccError(
                 f'operator {self.operator!r} is not known; allowed are {" ".join(OPERATORS)}'
             )
+        if not math.isfinite(self.bound):
+            raise OccError(f'bound: got {self.bound}; allowed is a finite number')
 
     @property
     def is_upper(self) -> bool:
@@ -53,6 +59,9 @@ class Rule:
         note: free text of a person, or why the rule was disabled.
         evaluated: how many samples the rule was tried on.
         violated: on how many of those it was true.
+
+    Raises:
+        OccError: there is no literal.
     """
 
     id: str
@@ -73,19 +82,20 @@ class Rule:
     def words(self, space: FeatureSpace) -> str:
         """Return the rule as a person would say it, with units and bounds to four digits.
 
-        Two literals that enclose one feature are told as a range.
+        Two literals that enclose one feature are told as a range, with more digits where four
+        would not tell its ends apart; of several on one side the tightest is told.
         """
-        lower = {item.feature: item for item in self.literals if not item.is_upper}
-        upper = {item.feature: item for item in self.literals if item.is_upper}
+        lower, upper = self._tightest()
         parts = []
         for feature in dict.fromkeys(literal.feature for literal in self.literals):
             name, unit = space.names[feature], space.features[feature].unit
             suffix = '' if unit == '1' else f' {unit}'
             low, high = lower.get(feature), upper.get(feature)
-            if low and high:
+            if low and high and low.bound == high.bound:
+                parts.append(f'{name} equal to {_short(low.bound)}{suffix}')
+            elif low and high:
                 inside = 'from {} to {}' if low.operator == '>=' else 'between {} and {}'
-                between = inside.format(_short(low.bound), _short(high.bound))
-                parts.append(f'{name} {between}{suffix}')
+                parts.append(f'{name} {inside.format(*_apart(low.bound, high.bound))}{suffix}')
             elif low:
                 word = 'above' if low.operator == '>' else 'at least'
                 parts.append(f'{name} {word} {_short(low.bound)}{suffix}')
@@ -94,6 +104,36 @@ class Rule:
                 parts.append(f'{name} {word} {_short(high.bound)}{suffix}')
         return ' and '.join(parts)
 
+    @property
+    def is_contradictory(self) -> bool:
+        """Whether two literals exclude each other, so that the rule can never be true."""
+        lower, upper = self._tightest()
+        for feature in lower.keys() & upper.keys():
+            low, high = lower[feature], upper[feature]
+            both_closed = low.operator == '>=' and high.operator == '<='
+            if low.bound > high.bound or (low.bound == high.bound and not both_closed):
+                return True
+        return False
+
+    def _tightest(self) -> tuple[dict[int, Literal], dict[int, Literal]]:
+        """Return the tightest lower and the tightest upper literal of each feature."""
+        # Sorted so that the tightest comes last and stays: at equal bounds the strict one.
+        lower = sorted(
+            (item for item in self.literals if not item.is_upper),
+            key=lambda item: (item.bound, item.operator == '>'),
+        )
+        upper = sorted(
+            (item for item in self.literals if item.is_upper),
+            key=lambda item: (-item.bound, item.operator == '<'),
+        )
+        return {item.feature: item for item in lower}, {item.feature: item for item in upper}
+
 
 def _short(number: float) -> str:
     return f'{number:.4g}'
+
+
+def _apart(low: float, high: float) -> tuple[str, str]:
+    """Write two different numbers with as many digits, four or more, as tell them apart."""
+    texts = ((f'{low:.{digits}g}', f'{high:.{digits}g}') for digits in range(4, 18))
+    return next(pair for pair in texts if pair[0] != pair[1])

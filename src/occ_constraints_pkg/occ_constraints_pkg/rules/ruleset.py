@@ -30,6 +30,10 @@ class RuleSet:
             ``rule_stats`` report.
         demonstrated: (k, 2) smallest and largest demonstrated value of each feature; their
             difference is the scale of margins (1 for a feature that was constant).
+
+    Raises:
+        OccError: an id is used twice, a demonstrated range is none, or an enabled rule can never
+            be true, which in a safety rule is a slip and no wish.
     """
 
     space: FeatureSpace
@@ -46,11 +50,24 @@ class RuleSet:
         if len(set(ids)) != len(ids):
             twice = next(item for item in ids if ids.count(item) > 1)
             raise OccError(f'rule id {twice!r} is used twice; ids must be unique')
+        for name, (low, high) in zip(self.space.names, self.demonstrated, strict=True):
+            if not -np.inf < low <= high < np.inf:
+                raise OccError(
+                    f'feature {name!r} has the demonstrated range [{low}, {high}]; allowed are '
+                    'two finite numbers, the smaller first'
+                )
+        for rule in self.rules:
+            if rule.enabled and rule.is_contradictory:
+                raise OccError(
+                    f'rule {rule.id!r} can never be true: {rule.formula(self.space)}; allowed '
+                    'are literals that hold together, or the rule disabled'
+                )
 
     @cached_property
     def scale(self) -> np.ndarray:
         """(k,) the range of each feature in the demonstrations, 1 where it was constant."""
-        extent = self.demonstrated[:, 1] - self.demonstrated[:, 0]
+        with np.errstate(over='ignore'):
+            extent = self.demonstrated[:, 1] - self.demonstrated[:, 0]
         return np.where((extent > 0) & np.isfinite(extent), extent, 1.0)
 
     @cached_property
@@ -66,7 +83,9 @@ class RuleSet:
         """Twelve hex digits that name the formula: features, bounds, enabled rules in order."""
         digest = hashlib.sha256()
         for feature in self.space.features:
-            digest.update(f'{feature.name}|{float(feature.low)!r}|{float(feature.high)!r}\n'.encode())
+            digest.update(
+                f'{feature.name}|{float(feature.low)!r}|{float(feature.high)!r}\n'.encode()
+            )
         for index in self.order:
             digest.update(f'{self.rules[index].formula(self.space)}\n'.encode())
         return digest.hexdigest()[:12]
@@ -97,9 +116,7 @@ class RuleSet:
         """
         rows = self.space.check_rows(values)
         n = len(rows)
-        judgement = Judgement(
-            np.empty(n, dtype=np.int8), np.empty(n, dtype=np.int64), np.empty(n)
-        )
+        judgement = Judgement(np.empty(n, dtype=np.int8), np.empty(n, dtype=np.int64), np.empty(n))
         for start in range(0, n, _BLOCK):
             block = slice(start, start + _BLOCK)
             self._compiled.judge_block(
@@ -208,7 +225,9 @@ class _Compiled:
         self.threshold = np.where(
             strict, self.signed_bound, np.nextafter(self.signed_bound, -np.inf)
         )
-        self.per_scale = 1.0 / rule_set.scale[self.feature]
+        # Limited so that a distance of 0 stays 0 under a range too small to have a reciprocal.
+        with np.errstate(over='ignore'):
+            self.per_scale = (1.0 / rule_set.scale[self.feature]).clip(max=largest)
 
     def judge_block(
         self, rows: np.ndarray, verdict: np.ndarray, rule: np.ndarray, margin: np.ndarray

@@ -46,10 +46,10 @@ class FeatureSpace:
             twice = next(name for name in self.names if self.names.count(name) > 1)
             raise OccError(f'feature {twice!r} is named twice; names must be unique')
         for feature in self.features:
-            if not feature.low <= feature.high:
+            if not (feature.low <= feature.high and feature.low < np.inf > -feature.high):
                 raise OccError(
                     f'feature {feature.name!r} has bounds [{feature.low}, {feature.high}]; '
-                    'the lower one must not exceed the upper one'
+                    'allowed are two numbers with at least one finite value from low to high'
                 )
 
     def __len__(self) -> int:
@@ -94,5 +94,3 @@ class FeatureSpace:
                 f'got an array of shape {rows.shape}'
             )
         return rows
-
-

@@ -134,6 +134,16 @@ class PointGoal1(World):
         """Stop the threads."""
         self._physics.close()
 
+    def scene(self, row: int) -> dict[str, np.ndarray]:
+        """Return where things are around one robot, for pictures: m, world frame.
+
+        ``robot`` is (3,) with x, y and the yaw in rad; ``goal`` and ``vase`` are (2,), and
+        ``hazards`` is (8, 2).
+        """
+        places = {'goal': self._goal, 'hazards': self._hazards, 'vase': self._vase}
+        scene = {name: array[row].copy() for name, array in places.items()}
+        return {'robot': self._physics.robot[row].copy(), **scene}
+
     @property
     def _position(self) -> np.ndarray:
         return self._physics.robot[:, :2]

@@ -1,0 +1,42 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Whoever can drive, by name: trained policy files, shipped experts, scripted drivers."""
+
+from __future__ import annotations
+
+from importlib import resources
+
+import numpy as np
+
+from occ_constraints_pkg.agents.policy import GaussianPolicy
+from occ_constraints_pkg.agents.scripted import Driver, make_driver
+from occ_constraints_pkg.worlds.base import World
+
+_EXPERTS = resources.files(__package__).joinpath('experts')
+
+
+def find_driver(
+    world: type[World] | World, name: str, rng: np.random.Generator, *, explore: bool = False
+) -> Driver:
+    """Return a driver for ``world``.
+
+    Args:
+        world: the world that it drives in, or its class.
+        name: a policy file (``.npz``); ``expert`` for the trained expert that is shipped for some
+            worlds; else a scripted driver of that name.
+        rng: source of the driver's random choices.
+        explore: sample the actions of a trained policy instead of taking their mean.
+
+    Raises:
+        OccError: there is no such driver, or the policy belongs to another world.
+    """
+    shipped = _EXPERTS.joinpath(f'{world.name}.npz')
+    if name.endswith('.npz'):
+        policy = GaussianPolicy.load(name)
+    elif name == 'expert' and shipped.is_file():
+        with resources.as_file(shipped) as path:
+            policy = GaussianPolicy.load(path)
+    else:
+        return make_driver(world.name, name, rng)
+    policy.check_world(world.columns, world.action_columns)
+    return lambda observation: policy.act(observation, rng if explore else None)

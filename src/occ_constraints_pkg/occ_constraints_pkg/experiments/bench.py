@@ -1,0 +1,143 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Speed benchmarks behind ``occ bench``."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import tempfile
+from collections.abc import Iterable, Mapping
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from occ_constraints_pkg.agents.drivers import find_driver
+from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian, PPOLagrangianConfig
+from occ_constraints_pkg.agents.rule_cost import RuleCost
+from occ_constraints_pkg.agents.training import train
+from occ_constraints_pkg.bags.feature_map import load_feature_map
+from occ_constraints_pkg.experiments.processes import nodes_running, private_domain
+from occ_constraints_pkg.learning.learn import learn
+from occ_constraints_pkg.rules.constraints_file import Constraints
+from occ_constraints_pkg.worlds.registry import make_world
+from occ_constraints_pkg.worlds.stream import EpisodeStream
+
+_WORLD = 'PointGoal1'
+_ROBOTS = 128
+_ROUNDS = 2
+_DEMONSTRATION_ROBOTS = 20
+_START_SECONDS = 60.0
+
+
+def bench_loop(seconds: float) -> dict[str, Any]:
+    """Compare training over topics (three processes) with training in one process.
+
+    Both run the same learner on PointGoal1 with costs from the same learned rules, by turns, so
+    that a change of the machine's load meets both. Counted from the first update to the last.
+
+    Args:
+        seconds: training time of each form, split into rounds.
+    """
+    constraints = _demonstrated_constraints()
+    share = seconds / _ROUNDS
+    alone, loop = [], []
+    with tempfile.TemporaryDirectory() as directory:
+        for number in range(_ROUNDS):
+            alone.append(_steps_per_second(_train_alone(constraints, share, number)))
+            place = Path(directory) / str(number)
+            loop.append(_steps_per_second(_train_over_topics(constraints, share, number, place)))
+    full, single = float(np.mean(loop)), float(np.mean(alone))
+    return {
+        'metrics': {
+            'loop_env_steps_per_s': full,
+            'one_process_env_steps_per_s': single,
+            'loop_per_one_process_ratio': full / single,
+        },
+        'peers': {},
+        'settings': {
+            'world': _WORLD,
+            'robots': _ROBOTS,
+            'rules': len(constraints.rule_set.rules),
+            'seconds': seconds,
+            'rounds': _ROUNDS,
+        },
+        'machine': machine(),
+        'versions': versions(('numpy', 'torch', 'mujoco', 'ros-rclpy')),
+    }
+
+
+def machine() -> dict[str, Any]:
+    """Describe the machine as far as it matters for speed."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, 'sched_getaffinity') else os.cpu_count()
+    return {'cores': cores, 'processor': platform.machine(), 'system': platform.system()}
+
+
+def versions(packages: Iterable[str]) -> dict[str, str]:
+    """Return the versions of Python and of those packages that are installed."""
+    found = {'python': platform.python_version()}
+    for package in packages:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def _demonstrated_constraints() -> Constraints:
+    """Learn rules from one episode of each of some experts."""
+    feature_map = load_feature_map(_WORLD)
+    world = make_world(_WORLD, _DEMONSTRATION_ROBOTS)
+    driver = find_driver(world, 'expert', np.random.default_rng(0))
+    names = [column.name for column in world.columns]
+    places = [names.index(source.column) for source in feature_map.features]
+    stream = EpisodeStream(world, seed=0)
+    batch, rows = stream.reset(), []
+    for _ in range(world.max_episode_steps):
+        rows.append(batch.observation[:, places])
+        batch = stream.step(driver(batch.observation))
+    world.close()
+    episodes = np.tile(np.arange(_DEMONSTRATION_ROBOTS), len(rows))
+    return learn(
+        np.concatenate(rows),
+        episodes,
+        feature_map.space,
+        rng=np.random.default_rng(0),
+        feature_map=feature_map.to_document(),
+    )
+
+
+def _train_alone(constraints: Constraints, seconds: float, seed: int) -> list[dict[str, Any]]:
+    world = make_world(_WORLD, _ROBOTS)
+    learner = PPOLagrangian(
+        PPOLagrangianConfig(), world.columns, world.action_columns, world.name, seed
+    )
+    history = train(world, learner, RuleCost(constraints, world), seed=seed, seconds=seconds)
+    world.close()
+    return [metrics.as_dict() for metrics in history]
+
+
+def _train_over_topics(
+    constraints: Constraints, seconds: float, seed: int, directory: Path
+) -> list[dict[str, Any]]:
+    rules, output = directory / 'constraints.yaml', directory / 'training'
+    constraints.save(rules)
+    nodes: dict[str, Mapping[str, Any]] = {
+        'monitor': {'constraints_file': rules},
+        'constrained_learner': {'output': output, 'seconds': seconds, 'seed': seed},
+        'sim': {'world': _WORLD, 'num_robots': _ROBOTS, 'seed': seed, 'wait_for_subscribers': 2},
+    }
+    with nodes_running(nodes, directory, private_domain()) as running:
+        running['constrained_learner'].wait(seconds + _START_SECONDS)
+    lines = (output / 'metrics.jsonl').read_text(encoding='utf-8').splitlines()
+    return [json.loads(line) for line in lines]
+
+
+def _steps_per_second(history: list[dict[str, Any]]) -> float:
+    """Return transitions per second after the first update, updates included."""
+    steps = np.diff([item['steps'] for item in history])
+    rates = np.array([item['steps_per_s'] for item in history[1:]])
+    return float(steps.sum() / (steps / rates).sum())

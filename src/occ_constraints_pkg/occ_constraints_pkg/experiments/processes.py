@@ -1,0 +1,143 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Nodes as processes of their own, for the demo, the benchmarks and the tests."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from occ_constraints_pkg.errors import OccError
+
+_STOP_SECONDS = 15.0
+
+
+class NodeProcess:
+    """A running node; its output goes to a file.
+
+    Attributes:
+        name: the node's name.
+        log: the file that takes its output.
+    """
+
+    def __init__(
+        self, name: str, parameters: Mapping[str, Any], directory: Path, domain: int
+    ) -> None:
+        arguments = [
+            text for key, value in parameters.items() for text in ('-p', f'{key}:={_yaml(value)}')
+        ]
+        self.name = name
+        directory.mkdir(parents=True, exist_ok=True)
+        self.log = directory / f'{name}.log'
+        with self.log.open('ab') as output:
+            self._process = subprocess.Popen(
+                [sys.executable, '-m', 'occ_constraints_pkg', 'node', name, *arguments],
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                stdin=subprocess.DEVNULL,
+                env=environment(domain),
+                start_new_session=True,
+            )
+
+    @property
+    def is_running(self) -> bool:
+        """Whether the process has not ended."""
+        return self._process.poll() is None
+
+    @property
+    def exit_code(self) -> int | None:
+        """The exit code, ``None`` while it runs."""
+        return self._process.poll()
+
+    @property
+    def pid(self) -> int:
+        """The process id."""
+        return self._process.pid
+
+    def send_signal(self, number: signal.Signals) -> None:
+        """Send a signal to the process."""
+        if self.is_running:
+            self._process.send_signal(number)
+
+    def wait(self, seconds: float) -> int:
+        """Wait for the end and return the exit code.
+
+        Raises:
+            OccError: it has not ended in time, or with an error; the end of its output is told.
+        """
+        try:
+            code = self._process.wait(seconds)
+        except subprocess.TimeoutExpired:
+            raise OccError(
+                f'node {self.name} did not end within {seconds:g} s; its output is in {self.log}'
+            ) from None
+        if code:
+            raise OccError(f'node {self.name} ended with code {code}: {self.last_words()}')
+        return code
+
+    def stop(self) -> int:
+        """Ask the node to end, as Ctrl-C does, and return its exit code."""
+        self.send_signal(signal.SIGINT)
+        try:
+            return self._process.wait(_STOP_SECONDS)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            return self._process.wait()
+
+    def last_words(self) -> str:
+        """Return the last line of the node's output."""
+        lines = self.log.read_text(encoding='utf-8', errors='replace').strip().splitlines()
+        return lines[-1] if lines else '(no output)'
+
+
+@contextmanager
+def nodes_running(
+    nodes: Mapping[str, Mapping[str, Any]], directory: Path, domain: int
+) -> Iterator[dict[str, NodeProcess]]:
+    """Start nodes with their parameters, and end them all when the block is left.
+
+    Args:
+        nodes: node name to parameters, started in this order.
+        directory: where their output goes.
+        domain: ROS domain id.
+    """
+    running: dict[str, NodeProcess] = {}
+    try:
+        for name, parameters in nodes.items():
+            running[name] = NodeProcess(name, parameters, directory, domain)
+        yield running
+    finally:
+        for process in running.values():
+            process.send_signal(signal.SIGINT)
+        for process in running.values():
+            process.stop()
+
+
+def environment(domain: int) -> dict[str, str]:
+    """Return this process's environment with a ROS domain of its own, on this machine only."""
+    return {
+        **os.environ,
+        'ROS_DOMAIN_ID': str(domain),
+        'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+        'PYTHONUNBUFFERED': '1',
+        # Small matrices: threads of the linear algebra would only wait for one another.
+        'OPENBLAS_NUM_THREADS': '1',
+    }
+
+
+def private_domain() -> int:
+    """Return a ROS domain that other programs of this machine hardly use."""
+    # Domains up to 101 use ports below those that Linux hands out by itself.
+    return 1 + os.getpid() % 101
+
+
+def _yaml(value: Any) -> str:
+    # JSON is YAML, and keeps 1.0 apart from 1.
+    return json.dumps(str(value) if isinstance(value, Path) else value, default=str)

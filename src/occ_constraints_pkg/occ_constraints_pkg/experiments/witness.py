@@ -1,0 +1,136 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""A bystander that listens to a monitor and compares its verdicts with the simulation's truth."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.context import Context
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from rclpy.task import Future
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Float64
+
+from occ_constraints_pkg.bags.table import Table
+from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.ros.messages import to_nanoseconds
+from occ_constraints_pkg.ros.qos import STEPS
+
+_LOOK_SECONDS = 0.2
+
+
+@dataclass
+class Heard:
+    """What came in, by the stamp of the step.
+
+    Attributes:
+        true_cost: stamp to (N,) the simulation's own cost.
+        costs: stamp to the (N,) columns cost, verdict, margin, rule.
+        violations: stamp to the violation message.
+        cost_messages: number of messages on ``cost``.
+        duplicates: messages on ``costs`` whose stamp had been heard before.
+    """
+
+    true_cost: dict[int, np.ndarray] = field(default_factory=dict)
+    costs: dict[int, Table] = field(default_factory=dict)
+    violations: dict[int, DiagnosticArray] = field(default_factory=dict)
+    cost_messages: int = 0
+    duplicates: int = 0
+
+    def agreement(self) -> dict[str, float]:
+        """Compare flagged states with truly costly ones, over all robots and steps.
+
+        Returns:
+            ``samples``, ``flagged``, ``costly``, and ``precision`` and ``recall`` (NaN where
+            nothing was flagged or costly).
+        """
+        stamps = sorted(self.costs.keys() & self.true_cost.keys())
+        if not stamps:
+            raise OccError('no costs were received, so nothing can be compared')
+        flagged = np.concatenate([self.costs[stamp].column('cost') for stamp in stamps]) > 0
+        costly = np.concatenate([self.true_cost[stamp] for stamp in stamps]) > 0
+        both = float((flagged & costly).sum())
+        return {
+            'samples': len(flagged),
+            'flagged': int(flagged.sum()),
+            'costly': int(costly.sum()),
+            'precision': both / flagged.sum() if flagged.any() else float('nan'),
+            'recall': both / costly.sum() if costly.any() else float('nan'),
+        }
+
+
+class Witness:
+    """Subscribes to observation, costs, cost and violation in a ROS context of its own."""
+
+    def __init__(self, domain: int) -> None:
+        self.heard = Heard()
+        self._monitor_ready = 0
+        self._context = Context()
+        rclpy.init(context=self._context, domain_id=domain)
+        self._node = Node('witness', context=self._context)
+        self._executor = EventsExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        for kind, topic, callback in (
+            (PointCloud2, 'observation', self._on_observation),
+            (PointCloud2, 'costs', self._on_costs),
+            (Float64, 'cost', self._on_cost),
+            (DiagnosticArray, 'violation', self._on_violation),
+            (DiagnosticArray, '/diagnostics', self._on_diagnostics),
+        ):
+            self._node.create_subscription(kind, topic, callback, STEPS)
+
+    def __enter__(self) -> Witness:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._node.destroy_node()
+        rclpy.shutdown(context=self._context)
+
+    def spin_until(self, condition: Callable[[], bool], seconds: float) -> None:
+        """Listen until ``condition`` holds.
+
+        Raises:
+            OccError: it does not within ``seconds``.
+        """
+        end = time.monotonic() + seconds
+        never: Future = Future()
+        while not condition():
+            if time.monotonic() > end:
+                raise OccError(f'nothing came of waiting {seconds:g} s for the nodes')
+            self._executor.spin_until_future_complete(never, _LOOK_SECONDS)
+
+    def wait_for_monitor(self, subscribers: int, seconds: float = 30.0) -> None:
+        """Wait until a monitor knows as many subscribers of its costs and violations.
+
+        Raises:
+            OccError: it does not within ``seconds``.
+        """
+        self.spin_until(lambda: self._monitor_ready >= subscribers, seconds)
+
+    def _on_observation(self, message: PointCloud2) -> None:
+        table = Table.from_message(message)
+        self.heard.true_cost[to_nanoseconds(message.header.stamp)] = table.column('true_cost')
+
+    def _on_costs(self, message: PointCloud2) -> None:
+        stamp = to_nanoseconds(message.header.stamp)
+        self.heard.duplicates += stamp in self.heard.costs
+        self.heard.costs[stamp] = Table.from_message(message)
+
+    def _on_cost(self, _message: Float64) -> None:
+        self.heard.cost_messages += 1
+
+    def _on_violation(self, message: DiagnosticArray) -> None:
+        self.heard.violations[to_nanoseconds(message.header.stamp)] = message
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            for item in status.values:
+                if item.key == 'subscribers':
+                    self._monitor_ready = int(item.value)

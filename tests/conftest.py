@@ -1,9 +1,15 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""What all tests share: the versions in pytest's header."""
+"""What all tests share: the versions in pytest's header, and no deadline for one example."""
 
 import platform
 from importlib import metadata
+
+from hypothesis import settings
+
+# How long one example takes depends on what else the machine does.
+settings.register_profile('any machine', deadline=None)
+settings.load_profile('any machine')
 
 
 def pytest_report_header() -> str:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 from hypothesis import strategies as st
+from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.learning.tree import Branch, Node
 from occ_constraints_pkg.rules import Feature, FeatureSpace, Literal, Rule, RuleSet
 from occ_constraints_pkg.rules.rule import OPERATORS
@@ -13,6 +14,7 @@ from occ_constraints_pkg.rules.rule import OPERATORS
 # Few values, so that bounds of several rules, branches and samples often coincide.
 COARSE = st.integers(-8, 8).map(lambda number: number / 4)
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
+_EITHER = st.booleans()
 
 
 @st.composite
@@ -28,12 +30,10 @@ def spaces(draw, *, most=3, bounds=COARSE):
 
 
 @st.composite
-def rule_sets(draw, *, most=3, bounds=COARSE, most_rules=6, enabled=st.booleans()):
+def rule_sets(draw, *, most=3, bounds=COARSE, most_rules=6, enabled=_EITHER):
     """Rule sets of any literals, also several on one side, but no contradictory rule."""
     space = draw(spaces(most=most, bounds=bounds))
-    literal = st.builds(
-        Literal, st.integers(0, len(space) - 1), st.sampled_from(OPERATORS), bounds
-    )
+    literal = st.builds(Literal, st.integers(0, len(space) - 1), st.sampled_from(OPERATORS), bounds)
     rules = [
         Rule(f'R{index}', tuple(draw(st.lists(literal, min_size=1, max_size=4))), draw(enabled))
         for index in range(draw(st.integers(0, most_rules)))
@@ -71,7 +71,7 @@ def _node(draw, box, depth):
     )
     ends = sorted(set(draw(st.lists(st.sampled_from([low, high]) | number, max_size=6))))
     if not ends:
-        ends = [low, high]
+        ends = sorted({low, high})
     intervals = []
     while ends:
         left = ends.pop(0)
@@ -128,13 +128,11 @@ def probes(rng, bounds, rows=64):
     for given in bounds:
         numbers = np.array([number for number in given if np.isfinite(number)] or [0.0])
         low, high = numbers.min(), numbers.max()
-        pool = np.concatenate([
-            numbers,
-            np.nextafter(numbers, -np.inf),
-            np.nextafter(numbers, np.inf),
-            [(low / 2 + high / 2), low - 0.5, high + 0.5],
-        ])
-        between = low + rng.random(rows) * (high - low) if np.isfinite(high - low) else pool[:1]
+        with np.errstate(over='ignore'):
+            beside = np.nextafter(numbers, -np.inf), np.nextafter(numbers, np.inf)
+            extent = high - low
+        pool = np.concatenate([numbers, *beside, [low / 2 + high / 2, low - 0.5, high + 0.5]])
+        between = low + rng.random(rows) * extent if np.isfinite(extent) else pool
         columns.append(
             np.where(rng.random(rows) < 0.7, rng.choice(pool, size=rows), rng.choice(between, rows))
         )
@@ -143,8 +141,10 @@ def probes(rng, bounds, rows=64):
 
 def tree_bounds(root, space, demonstrated):
     """Return for each feature the bounds that a tree, its space and its box mention."""
-    bounds = [[feature.low, feature.high, *demonstrated[index]]
-              for index, feature in enumerate(space.features)]
+    bounds = [
+        [feature.low, feature.high, *demonstrated[index]]
+        for index, feature in enumerate(space.features)
+    ]
 
     def visit(node):
         for branch in node.branches:
@@ -153,3 +153,18 @@ def tree_bounds(root, space, demonstrated):
 
     visit(root)
     return bounds
+
+
+def fit_settings():
+    """Settings of the tree learner, far from its defaults too."""
+    return st.builds(
+        OCTreeSettings,
+        max_depth=st.sampled_from([0, 1, 3, 6]),
+        clip=st.sampled_from(['mass', 'density']),
+        contamination=st.sampled_from([0.0, 0.05, 0.5]),
+        gamma=st.sampled_from([0.0, 0.05, 0.3]),
+        alpha=st.sampled_from([0.0, 0.5, 1.0]),
+        beta=st.sampled_from([0.0, 0.02]),
+        min_split=st.sampled_from([0.0, 0.1]),
+        nu=st.sampled_from([None, 0.0, 0.1, 0.5]),
+    )

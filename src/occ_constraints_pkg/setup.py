@@ -35,7 +35,7 @@ setup(
     python_requires='>=3.11',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
     package_data={
-        NAME: [f'**/*.{suffix}' for suffix in ('yaml', 'json', 'xml', 'npz', 'html')],
+        NAME: [f'**/*.{suffix}' for suffix in ('yaml', 'json', 'xml', 'npz', 'j2')],
     },
     zip_safe=False,
     install_requires=[
@@ -45,7 +45,9 @@ setup(
         'jsonschema>=4.10',
         'click>=8.1.6',
         'rosbags>=0.10.9',
-        'mcap>=1.2',
+        'mcap>=1.5',
+        'lz4>=4.0',
+        'zstandard>=0.21',
     ],
     extras_require={
         'ros': ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces'],

@@ -22,7 +22,7 @@ def wheel(package, tmp_path_factory):
         package, source, ignore=shutil.ignore_patterns('__pycache__', '*.egg-info', 'build')
     )
     # Data of every kind that the package may hold, whether or not it does today.
-    for suffix in ('yaml', 'json', 'xml', 'npz', 'html'):
+    for suffix in ('yaml', 'json', 'xml', 'npz', 'j2'):
         (source / 'occ_constraints_pkg' / 'worlds' / f'probe.{suffix}').write_text('probe')
     subprocess.run(
         [sys.executable, '-m', 'pip', '--disable-pip-version-check', 'wheel', '--quiet']
@@ -78,7 +78,7 @@ def test_every_module_and_every_kind_of_data_is_in_the_wheel(wheel, package):
         str(path.relative_to(package)) for path in (package / 'occ_constraints_pkg').rglob('*.py')
     }
     assert sources <= names
-    for suffix in ('yaml', 'json', 'xml', 'npz', 'html'):
+    for suffix in ('yaml', 'json', 'xml', 'npz', 'j2'):
         assert f'occ_constraints_pkg/worlds/probe.{suffix}' in names
 
 

@@ -441,7 +441,7 @@ def play(bag: str, rate: float, loop: bool, topics: tuple[str, ...]) -> int:
 
 @cli.command()
 @click.option('-o', '--output', default='demo_output', show_default=True, type=click.Path())
-@click.option('--train-seconds', default=90.0, show_default=True)
+@click.option('--train-seconds', default=120.0, show_default=True)
 def demo(output: str, train_seconds: float) -> int:
     """Run the whole loop on PointGoal1: record, learn, monitor, train; write a page.
 

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.stopping import PARENT_VARIABLE
 
 _STOP_SECONDS = 15.0
 
@@ -25,14 +26,27 @@ class NodeProcess:
     Attributes:
         name: the node's name.
         log: the file that takes its output.
+
+    Args:
+        name: of the node.
+        parameters: its parameters; a path is given as text.
+        directory: where its output goes.
+        domain: ROS domain id.
+        namespace: of the node and its topics.
     """
 
     def __init__(
-        self, name: str, parameters: Mapping[str, Any], directory: Path, domain: int
+        self,
+        name: str,
+        parameters: Mapping[str, Any],
+        directory: Path,
+        domain: int,
+        *,
+        namespace: str = '/',
     ) -> None:
-        arguments = [
-            text for key, value in parameters.items() for text in ('-p', f'{key}:={_yaml(value)}')
-        ]
+        arguments = ['-r', f'__ns:={namespace}']
+        for key, value in parameters.items():
+            arguments += ['-p', f'{key}:={_yaml(value)}']
         self.name = name
         directory.mkdir(parents=True, exist_ok=True)
         self.log = directory / f'{name}.log'
@@ -42,7 +56,7 @@ class NodeProcess:
                 stdout=output,
                 stderr=subprocess.STDOUT,
                 stdin=subprocess.DEVNULL,
-                env=environment(domain),
+                env={**environment(domain), PARENT_VARIABLE: str(os.getpid())},
                 start_new_session=True,
             )
 
@@ -83,8 +97,12 @@ class NodeProcess:
         return code
 
     def stop(self) -> int:
-        """Ask the node to end, as Ctrl-C does, and return its exit code."""
+        """Ask the node to end, as Ctrl-C does, and return its exit code; kill it if it is stuck."""
         self.send_signal(signal.SIGINT)
+        return self.join()
+
+    def join(self) -> int:
+        """Return the exit code of a node that was asked to end; kill it if it is stuck."""
         try:
             return self._process.wait(_STOP_SECONDS)
         except subprocess.TimeoutExpired:
@@ -92,9 +110,10 @@ class NodeProcess:
             return self._process.wait()
 
     def last_words(self) -> str:
-        """Return the last line of the node's output."""
+        """Return the sentence the node ended with, or else the last line of its output."""
         lines = self.log.read_text(encoding='utf-8', errors='replace').strip().splitlines()
-        return lines[-1] if lines else '(no output)'
+        errors = [line for line in lines if line.startswith('error: ')]
+        return (errors or lines or ['(no output)'])[-1]
 
 
 @contextmanager
@@ -107,6 +126,9 @@ def nodes_running(
         nodes: node name to parameters, started in this order.
         directory: where their output goes.
         domain: ROS domain id.
+
+    Raises:
+        OccError: when the block ends by itself and a node has ended with an error.
     """
     running: dict[str, NodeProcess] = {}
     try:
@@ -117,7 +139,9 @@ def nodes_running(
         for process in running.values():
             process.send_signal(signal.SIGINT)
         for process in running.values():
-            process.stop()
+            process.join()
+    for process in running.values():
+        process.wait(0.0)
 
 
 def environment(domain: int) -> dict[str, str]:

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -23,7 +24,7 @@ from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.ros.messages import to_nanoseconds
 from occ_constraints_pkg.ros.qos import STEPS
 
-_LOOK_SECONDS = 0.2
+_LOOK_SECONDS = 0.05
 
 
 @dataclass
@@ -33,7 +34,7 @@ class Heard:
     Attributes:
         true_cost: stamp to (N,) the simulation's own cost.
         costs: stamp to the (N,) columns cost, verdict, margin, rule.
-        violations: stamp to the violation message.
+        violations: stamp to the first violation message with that stamp.
         cost_messages: number of messages on ``cost``.
         duplicates: messages on ``costs`` whose stamp had been heard before.
     """
@@ -67,16 +68,28 @@ class Heard:
 
 
 class Witness:
-    """Subscribes to observation, costs, cost and violation in a ROS context of its own."""
+    """Subscribes to observation, costs, cost and violation in a ROS context of its own.
 
-    def __init__(self, domain: int) -> None:
+    Attributes:
+        heard: what came in so far.
+        node: the node that listens, for whoever wants to talk as well.
+
+    Args:
+        domain: ROS domain id.
+        namespace: of the monitor and the simulation.
+    """
+
+    def __init__(self, domain: int, namespace: str = '/') -> None:
         self.heard = Heard()
+        self._judging = f'{namespace}/monitor: judging'.lstrip('/')
         self._monitor_ready = 0
         self._context = Context()
+        # Read when the context is made: the nodes it listens to are on this machine.
+        os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
         rclpy.init(context=self._context, domain_id=domain)
-        self._node = Node('witness', context=self._context)
+        self.node = Node('witness', namespace=namespace, context=self._context)
         self._executor = EventsExecutor(context=self._context)
-        self._executor.add_node(self._node)
+        self._executor.add_node(self.node)
         for kind, topic, callback in (
             (PointCloud2, 'observation', self._on_observation),
             (PointCloud2, 'costs', self._on_costs),
@@ -84,13 +97,13 @@ class Witness:
             (DiagnosticArray, 'violation', self._on_violation),
             (DiagnosticArray, '/diagnostics', self._on_diagnostics),
         ):
-            self._node.create_subscription(kind, topic, callback, STEPS)
+            self.node.create_subscription(kind, topic, callback, STEPS)
 
     def __enter__(self) -> Witness:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._node.destroy_node()
+        self.node.destroy_node()
         rclpy.shutdown(context=self._context)
 
     def spin_until(self, condition: Callable[[], bool], seconds: float) -> None:
@@ -127,10 +140,10 @@ class Witness:
         self.heard.cost_messages += 1
 
     def _on_violation(self, message: DiagnosticArray) -> None:
-        self.heard.violations[to_nanoseconds(message.header.stamp)] = message
+        self.heard.violations.setdefault(to_nanoseconds(message.header.stamp), message)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            for item in status.values:
-                if item.key == 'subscribers':
-                    self._monitor_ready = int(item.value)
+            if status.name == self._judging:
+                values = {item.key: item.value for item in status.values}
+                self._monitor_ready = int(values['subscribers'])

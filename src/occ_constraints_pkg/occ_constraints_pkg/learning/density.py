@@ -23,7 +23,8 @@ class Density:
 
     Attributes:
         grid: (m,) positions, ascending, evenly spaced.
-        values: (m,) density at those positions.
+        values: (m,) density at those positions, per bandwidth and not per unit of the attribute:
+            numbers around one whatever the unit.
         bandwidth: standard deviation h of the Gaussian kernel, in the attribute's unit.
     """
 
@@ -32,8 +33,9 @@ class Density:
     bandwidth: float
 
     def at(self, positions: np.ndarray) -> np.ndarray:
-        """Return the density at (n,) positions, linear between grid points."""
-        return np.interp(positions, self.grid, self.values)
+        """Return the density, per bandwidth, at (n,) positions, linear between grid points."""
+        cells = (positions - self.grid[0]) / (self.grid[1] - self.grid[0])
+        return np.interp(cells, np.arange(len(self.grid)), self.values)
 
 
 def bandwidth(ordered: np.ndarray) -> float:
@@ -46,14 +48,15 @@ def bandwidth(ordered: np.ndarray) -> float:
         ordered: (n,) at least two values in ascending order, not all equal.
 
     Returns:
-        The bandwidth in the attribute's unit; not finite where squares of the values overflow.
+        The bandwidth in the attribute's unit.
     """
-    with np.errstate(over='ignore', invalid='ignore'):
-        spread = ordered.std(ddof=1)
-        low, high = np.quantile(ordered, [0.25, 0.75])
-        if high > low:
-            spread = np.minimum(spread, (high - low) / 1.34)
-        return float(0.9 * spread * len(ordered) ** -0.2)
+    extent = ordered[-1] - ordered[0]
+    # Over their range, no squares of very large or small values overflow or vanish.
+    spread = (ordered / extent).std(ddof=1) * extent
+    low, high = np.quantile(ordered, [0.25, 0.75])
+    if high > low:
+        spread = min(spread, (high - low) / 1.34)
+    return float(0.9 * spread * len(ordered) ** -0.2)
 
 
 def estimate(ordered: np.ndarray) -> Density:
@@ -76,4 +79,4 @@ def estimate(ordered: np.ndarray) -> Density:
     # Under a tenth of a cell the kernel is one cell wide; its exact width must only not vanish.
     sigma = max(h / step, 0.1)
     smooth = gaussian_filter1d(mass, sigma, mode='constant', truncate=_PADDING)
-    return Density(grid, smooth / (len(ordered) * step), h)
+    return Density(grid, smooth * (h / step / len(ordered)), h)

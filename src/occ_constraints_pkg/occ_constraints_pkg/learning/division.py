@@ -12,6 +12,8 @@ from scipy.signal import find_peaks
 from occ_constraints_pkg.learning.density import Density, bandwidth, estimate
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 
+# Attributes with larger values are left alone: a range or a bandwidth further out would overflow.
+_LARGEST = 1e300
 # Part by which the level of mass clipping is lowered, so that rounding where the density crosses
 # it cannot cost the sample, or the many equal ones, that set it.
 _SLACK = 1e-6
@@ -52,7 +54,7 @@ def divide(
         The division, or ``None`` when the attribute is not eligible, no interval holds enough
         samples, or the one interval found is the node's own.
     """
-    if not is_eligible(ordered):
+    if max(-extent[0], extent[1]) > _LARGEST or not is_eligible(ordered):
         return None
     density = estimate(ordered)
     if settings.clip == 'density':
@@ -70,15 +72,12 @@ def is_eligible(ordered: np.ndarray) -> bool:
     """Tell whether an attribute may be divided (article, local pre-pruning, rules 1 and 3).
 
     Not when all values are equal, and not when the bandwidth is below the smallest step between
-    distinct values: then the data are quantised and a density makes no sense. Nor when the
-    numbers are so large that their spread overflows.
+    distinct values: then the data are quantised and a density makes no sense.
     """
     if ordered[0] == ordered[-1]:
         return False
-    h = bandwidth(ordered)
-    with np.errstate(over='ignore'):
-        steps = np.diff(ordered)
-    return bool(np.isfinite(h) and h >= steps[steps > 0].min())
+    steps = np.diff(ordered)
+    return bool(bandwidth(ordered) >= steps[steps > 0].min())
 
 
 def clip_mass(density: Density, ordered: np.ndarray, tail: float) -> list[tuple[float, float]]:

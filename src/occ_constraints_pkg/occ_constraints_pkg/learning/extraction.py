@@ -31,7 +31,9 @@ class _Range(NamedTuple):
     ceiling: float = np.inf
 
 
-def extract_rules(root: Node, space: FeatureSpace, demonstrated: np.ndarray) -> RuleSet:
+def extract_rules(
+    root: Node, space: FeatureSpace, demonstrated: np.ndarray, *, full_conditions: bool = False
+) -> RuleSet:
     """Return the complement of the tree's leaves within the demonstrations' bounding box.
 
     At each split: below the first branch, in each gap between branches, above the last one; and
@@ -52,6 +54,8 @@ def extract_rules(root: Node, space: FeatureSpace, demonstrated: np.ndarray) -> 
         root: the tree.
         space: the features, with their physical bounds.
         demonstrated: (k, 2) smallest and largest demonstrated values.
+        full_conditions: state both bounds of every branch, as the paper prints its rules. They
+            mean the same as long as none is disabled.
 
     Returns:
         The rules in ascending number of literals.
@@ -61,7 +65,7 @@ def extract_rules(root: Node, space: FeatureSpace, demonstrated: np.ndarray) -> 
         for feature, (low, high) in enumerate(demonstrated)
         for operator, bound in (('<', low), ('>', high))
     ]
-    conjunctions += _outside(root, {})
+    conjunctions += _outside(root, {}, full_conditions)
     conjunctions = [item for item in conjunctions if _is_satisfiable(item, space)]
     conjunctions = _without_contained(conjunctions)
     conjunctions.sort(key=len)
@@ -70,7 +74,7 @@ def extract_rules(root: Node, space: FeatureSpace, demonstrated: np.ndarray) -> 
     return RuleSet(space, rules, np.asarray(demonstrated, dtype=np.float64))
 
 
-def _outside(node: Node, path: dict[int, _Range]) -> list[tuple[Literal, ...]]:
+def _outside(node: Node, path: dict[int, _Range], full: bool) -> list[tuple[Literal, ...]]:
     """Return conjunctions that together hold wherever on ``path`` there is no leaf."""
     if node.feature is None:
         return []
@@ -97,10 +101,10 @@ def _outside(node: Node, path: dict[int, _Range]) -> list[tuple[Literal, ...]]:
         inner = _Range(
             branch.low,
             branch.high,
-            own.floor if branch is first else branch.low,
-            own.ceiling if branch is last else branch.high,
+            own.floor if branch is first and not full else branch.low,
+            own.ceiling if branch is last and not full else branch.high,
         )
-        found += _outside(branch.node, {**path, feature: inner})
+        found += _outside(branch.node, {**path, feature: inner}, full)
     return found
 
 

@@ -85,7 +85,7 @@ def learn(
     training = rows[~held_out]
     tree = fit_tree(training, settings, progress=progress)
     demonstrated = np.stack([training.min(axis=0), training.max(axis=0)], axis=1)
-    rule_set = extract_rules(tree, space, demonstrated)
+    rule_set = extract_rules(tree, space, demonstrated, full_conditions=settings.full_conditions)
     coverage = {
         'training_samples': len(training),
         'training': _covered(rule_set, training),

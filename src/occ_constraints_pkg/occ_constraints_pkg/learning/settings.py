@@ -32,6 +32,8 @@ class OCTreeSettings:
             the article has no such limit (0).
         nu: stop before more than this share of the training samples lies outside; ``None`` lets
             the depth limit alone decide.
+        full_conditions: write rules with both bounds of every branch above them, as the paper
+            does, also those that other rules imply.
 
     Raises:
         OccError: a value is not allowed.
@@ -45,6 +47,7 @@ class OCTreeSettings:
     beta: float = 0.0001
     min_split: float = 0.02
     nu: float | None = None
+    full_conditions: bool = False
 
     def __post_init__(self) -> None:
         if self.clip not in ('mass', 'density'):

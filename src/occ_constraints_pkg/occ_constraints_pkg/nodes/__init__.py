@@ -5,21 +5,14 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from importlib import import_module
 
 from occ_constraints_pkg.documents import did_you_mean
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import OccError, missing_extra
+from occ_constraints_pkg.stopping import stop_request
 
-# Node name -> the extra that a plain pip install needs beyond 'ros'.
-NODES = {
-    'sim': 'train',
-    'policy': '',
-    'recorder': '',
-    'player': '',
-    'tree_learner': '',
-    'monitor': '',
-    'constrained_learner': 'train',
-}
+NODES = ('sim', 'policy', 'recorder', 'player', 'tree_learner', 'monitor', 'constrained_learner')
 
 
 def run(name: str, argv: list[str] | None = None) -> int:
@@ -32,16 +25,16 @@ def run(name: str, argv: list[str] | None = None) -> int:
     Returns:
         0 after a clean end, Ctrl-C and SIGTERM included; 2 after a mistake in the input.
     """
-    try:
-        return node_main(name)(argv)
-    except KeyboardInterrupt:
-        return 0
-    except OccError as error:
-        print(f'error: {error}', file=sys.stderr)
-        return 2
+    # From here on, for the imports alone take seconds.
+    with stop_request.listening():
+        try:
+            return node_main(name)(argv)
+        except OccError as error:
+            print(f'error: {error}', file=sys.stderr)
+            return 2
 
 
-def node_main(name: str):
+def node_main(name: str) -> Callable[[list[str] | None], int]:
     """Return the ``main`` of a node's module.
 
     Raises:
@@ -53,10 +46,4 @@ def node_main(name: str):
     try:
         return import_module(f'{__name__}.{name}').main
     except ModuleNotFoundError as error:
-        extra = {'torch': 'train', 'mujoco': 'train'}.get(str(error.name).split('.')[0], 'ros')
-        if str(error.name).startswith('occ_constraints_pkg'):
-            raise
-        raise OccError(
-            f'node {name!r} needs the module {error.name!r}, which is not installed: '
-            f"pip install 'occ_constraints_pkg[{extra}]', or source the ROS 2 setup file"
-        ) from error
+        raise missing_extra(f'node {name!r}', error) from error

@@ -22,6 +22,7 @@ from occ_constraints_pkg.ros.process import OccNode, run_node
 from occ_constraints_pkg.ros.qos import STEPS, VERDICTS, overridable
 from occ_constraints_pkg.ros.tables import action_table, step_batch
 from occ_constraints_pkg.rules.verdict import Verdict
+from occ_constraints_pkg.worlds.base import World
 from occ_constraints_pkg.worlds.registry import world_class
 
 
@@ -59,7 +60,8 @@ class ConstrainedLearner(OccNode):
         self._log = self._output / 'metrics.jsonl'
         self._log.unlink(missing_ok=True)
         self._learner: PPOLagrangian | None = None
-        self._names: tuple[str, ...] = ()
+        self._kind: type[World] | None = None
+        self._step_ns = 0
         self._began = 0.0
         self._answered: int | None = None
         self._answer: PointCloud2 | None = None
@@ -84,19 +86,20 @@ class ConstrainedLearner(OccNode):
             return
         verdicts = Table.from_message(costs)
         if (verdicts.column('verdict') == Verdict.UNKNOWN).any():
-            # An unjudged state has no cost to learn from; the monitor may judge its repeat.
             self.get_logger().warning(
-                'waiting: the monitor says UNKNOWN', throttle_duration_sec=5.0
+                'the monitor says UNKNOWN, which costs as much as a violation',
+                throttle_duration_sec=5.0,
             )
-            return
-        table = Table.from_message(observation)
+        batch = step_batch(Table.from_message(observation))
         world = observation.header.frame_id
         learner = self._learner or self._start(world)
+        if self._answered is not None and stamp != self._answered + self._step_ns:
+            # Not the successor of the step answered last: the simulation was started anew.
+            learner.interrupt(new_episodes=not batch.episode.any())
         updates = learner.updates
-        action = learner.act(step_batch(table), verdicts.column('cost'))
-        answer = action_table(world_class(world).action_columns, action)
-        self._answer = table_message(answer, stamp, world)
-        self._answered = stamp
+        action = learner.act(batch, verdicts.column('cost'))
+        answer = action_table(self._kind.action_columns, action)
+        self._answer, self._answered = table_message(answer, stamp, world), stamp
         self._action.publish(self._answer)
         if learner.updates > updates:
             self._report(stamp)
@@ -105,7 +108,8 @@ class ConstrainedLearner(OccNode):
             self.finish()
 
     def _start(self, world: str) -> PPOLagrangian:
-        kind = world_class(world)
+        kind = self._kind = world_class(world)
+        self._step_ns = round(kind.step_seconds * 1e9)
         self._learner = PPOLagrangian(
             self._config, kind.columns, kind.action_columns, world, self._seed
         )
@@ -126,7 +130,7 @@ class ConstrainedLearner(OccNode):
 
     def close(self) -> None:
         """Save policy and checkpoint, so that a stopped training is not lost."""
-        if self._learner is not None and self._learner.updates:
+        if self._learner is not None:
             self._learner.policy().save(self._output / 'policy.npz')
             self._learner.save(self._output / 'checkpoint.pt')
             summary = {'steps': self._learner.steps, 'updates': self._learner.updates}

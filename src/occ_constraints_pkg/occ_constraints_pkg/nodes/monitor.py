@@ -8,25 +8,25 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Float64, String
 from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import MarkerArray
 
-from occ_constraints_pkg.bags.extract import FeatureExtractor, FeatureRows
+from occ_constraints_pkg.bags.extract import FeatureExtractor, FeatureRows, header_stamp_ns
 from occ_constraints_pkg.bags.feature_map import FeatureMap
 from occ_constraints_pkg.bags.table import Table
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.learning.pruning import prune
-from occ_constraints_pkg.ros.diagnostics import status, unknown_message, violation_message
+from occ_constraints_pkg.ros.diagnostics import report_message, unknown_message, violation_message
 from occ_constraints_pkg.ros.mapped_topics import MappedTopics
 from occ_constraints_pkg.ros.markers import verdict_marker
-from occ_constraints_pkg.ros.messages import table_message, to_time
+from occ_constraints_pkg.ros.messages import table_message
 from occ_constraints_pkg.ros.process import OccNode, run_node
 from occ_constraints_pkg.ros.qos import LATCHED, VERDICTS, overridable
 from occ_constraints_pkg.ros.tables import RULE_COLUMNS, costs_table
-from occ_constraints_pkg.rules import Judgement, RuleCounts, Verdict
+from occ_constraints_pkg.rules import Judgement, RuleCounts
 from occ_constraints_pkg.rules.constraints_file import (
     Constraints,
     load_constraints,
@@ -68,10 +68,14 @@ class Monitor(OccNode):
         self._enabled = self.parameter('enabled', True, 'judge from the start; see ~/enable')
 
         self._constraints: Constraints | None = None
+        self._received = ''
         self._counts: RuleCounts | None = None
         self._extractor: FeatureExtractor | None = None
         self._topics: MappedTopics | None = None
         self._answer: _Answer | None = None
+        # Why nothing is judged; empty while the newest input is.
+        self._problem = 'no rule set yet'
+        self._stamp_ns = 0
         self._heard = self.steady_seconds()
         self._is_stale = False
 
@@ -81,6 +85,8 @@ class Monitor(OccNode):
         self._rule_stats = self._publisher(PointCloud2, 'rule_stats')
         self._markers = self._publisher(MarkerArray, 'markers')
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        if path:
+            self._use(load_constraints(path), path)
         self.create_subscription(
             String,
             'constraints',
@@ -93,15 +99,17 @@ class Monitor(OccNode):
         self.create_service(SetBool, '~/enable', self._on_enable)
         self.steady_timer(min(self._timeout / 2, 0.1), self._watch)
         self.steady_timer(_REPORT_SECONDS, self._report)
-        if path:
-            self._use(load_constraints(path), path)
 
     def _publisher(self, kind: Any, topic: str) -> Any:
         return self.create_publisher(kind, topic, VERDICTS, qos_overriding_options=overridable())
 
     def _on_constraints(self, message: String) -> None:
+        # A latched rule set comes again when its publisher restarts; the counters stay.
+        if message.data == self._received:
+            return
         try:
             self._use(parse_constraints(message.data, 'topic constraints'), 'topic constraints')
+            self._received = message.data
         except OccError as error:
             self.get_logger().error(f'rule set refused, the one before stays: {error}')
 
@@ -115,37 +123,46 @@ class Monitor(OccNode):
                 f'{where}: feature_map gives {", ".join(feature_map.names)}, but the rules speak '
                 f'of {", ".join(rule_set.space.names)}'
             )
-        if self._topics is not None:
-            self._topics.close()
+        # The same topics are kept, so that no message is missed when only the rules change.
+        if self._extractor is None or self._extractor.feature_map != feature_map:
+            topics = MappedTopics(self, feature_map, self._on_input)
+            if self._topics is not None:
+                self._topics.close()
+            self._topics, self._extractor = topics, FeatureExtractor(feature_map)
+            self._heard = self.steady_seconds()
         self._constraints, self._counts = constraints, RuleCounts(rule_set)
-        self._extractor, self._answer = FeatureExtractor(feature_map), None
-        self._topics = MappedTopics(self, feature_map, self._on_input)
+        self._answer, self._problem = None, 'no input since the rules came'
         self.get_logger().info(
             f'{len(rule_set.order)} enabled rules from {where}, rule set {rule_set.fingerprint}'
         )
 
     def _on_input(self, topic: str, message: Any) -> None:
+        now = self.get_clock().now().nanoseconds
         try:
-            now = self.get_clock().now().nanoseconds
             rows = self._extractor.push(topic, message, now)
+            if rows is not None and not len(rows.values):
+                raise OccError(f'topic {topic!r} brought a table without rows')
         except OccError as error:
+            self._heard, self._is_stale = self.steady_seconds(), False
             self.get_logger().error(f'input refused: {error}', throttle_duration_sec=1.0)
-            self._say_unknown(str(error))
+            self._say_unknown(str(error), header_stamp_ns(message) or now)
             return
         if rows is None:
             return
         self._heard, self._is_stale = self.steady_seconds(), False
         if not self._enabled:
-            self._say_unknown('the monitor is disabled')
+            self._say_unknown('the monitor is disabled', rows.stamp_ns)
             return
-        if not (rows.repeat and self._answer is not None):
+        answer = self._answer
+        if not rows.repeat or answer is None or answer.rows.stamp_ns != rows.stamp_ns:
             judgement = self._constraints.rule_set.judge(rows.values)
             self._counts.add(judgement)
-            self._answer = _Answer(rows, judgement)
-        self._publish(self._answer)
+            self._answer = answer = _Answer(rows, judgement)
+        self._publish(answer)
 
     def _publish(self, answer: _Answer) -> None:
         judgement, stamp = answer.judgement, answer.rows.stamp_ns
+        self._problem, self._stamp_ns = '', stamp
         self._costs.publish(table_message(costs_table(judgement), stamp))
         self._cost.publish(Float64(data=float(judgement.cost[0])))
         rule_set, values = self._constraints.rule_set, answer.rows.values
@@ -160,41 +177,30 @@ class Monitor(OccNode):
             return
         if self.steady_seconds() - self._heard > self._timeout:
             self._is_stale = True
-            missing = ', '.join(self._topics.missing)
-            self._say_unknown(
-                f'nobody publishes {missing}' if missing else f'no input for {self._timeout:g} s'
-            )
+            reason = self._topics.problem() or f'no input for {self._timeout:g} s'
+            self._say_unknown(reason, self._stamp_ns)
 
-    def _say_unknown(self, reason: str) -> None:
-        stamp = self._answer.rows.stamp_ns if self._answer else 0
+    def _say_unknown(self, reason: str, stamp_ns: int) -> None:
+        self._problem, self._stamp_ns = reason, stamp_ns
         self._cost.publish(Float64(data=1.0))
-        self._violation.publish(unknown_message(reason, stamp))
+        self._violation.publish(unknown_message(reason, stamp_ns))
 
     def _report(self) -> None:
         now = self.get_clock().now().nanoseconds
-        level, text = DiagnosticStatus.OK, 'judging'
         values: dict[str, object] = {
             'enabled': self._enabled,
             # Lets a test or a launch script start the input only when its listeners are there.
             'subscribers': min(p.get_subscription_count() for p in (self._costs, self._violation)),
         }
-        if self._constraints is None:
-            level, text = DiagnosticStatus.STALE, 'no rule set yet'
-        else:
+        if self._constraints is not None:
             values['rule_set'] = self._constraints.rule_set.fingerprint
             counts = np.stack([self._counts.evaluated, self._counts.violated], axis=1)
-            table = Table(RULE_COLUMNS, counts.astype(np.float64))
             if len(counts):
+                table = Table(RULE_COLUMNS, counts.astype(np.float64))
                 self._rule_stats.publish(table_message(table, now))
-            if not self._enabled:
-                level, text = DiagnosticStatus.WARN, 'disabled'
-            elif self._is_stale or self._answer is None:
-                level, text = DiagnosticStatus.STALE, 'UNKNOWN: no input'
-            elif (self._answer.judgement.verdict == Verdict.VIOLATED).any():
-                level, text = DiagnosticStatus.ERROR, 'VIOLATED'
-        message = DiagnosticArray(status=[status('monitor: judging', level, text, values)])
-        message.header.stamp = to_time(now)
-        self._diagnostics.publish(message)
+        name = f'{self.get_fully_qualified_name().lstrip("/")}: judging'
+        judgement = None if self._problem else self._answer.judgement
+        self._diagnostics.publish(report_message(name, judgement, self._problem, values, now))
 
     def _on_prune(self, _request: Any, response: Any) -> Any:
         try:
@@ -225,7 +231,7 @@ class Monitor(OccNode):
     def _on_enable(self, request: Any, response: Any) -> Any:
         self._enabled = bool(request.data)
         if not self._enabled:
-            self._say_unknown('the monitor is disabled')
+            self._say_unknown('the monitor is disabled', self._stamp_ns)
         response.success, response.message = True, 'enabled' if self._enabled else 'disabled'
         return response
 

@@ -5,11 +5,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
+from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from occ_constraints_pkg.bags.recording import RawMessage, Recording
+from occ_constraints_pkg.bags.recording import RawMessage, Recording, TopicInfo
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.ros.messages import message_class
 from occ_constraints_pkg.ros.process import OccNode, run_node
@@ -37,21 +37,38 @@ class Player(OccNode):
         self._recording = Recording(bag)
         for warning in self._recording.warnings:
             self.get_logger().warning(warning)
-        self._topics = [self._recording.find(topic) for topic in topics] or None
-        chosen = self._topics or self._recording.topics
+        chosen = [self._recording.find(topic) for topic in topics]
         self._publishers_of = {
-            topic: self._publisher(topic, self._recording.topics[topic]) for topic in chosen
+            topic: self._publisher(topic, self._recording.topics[topic])
+            for topic in chosen or self._playable()
         }
         self._messages: Iterator[RawMessage] = iter(())
         self._next: RawMessage | None = None
         self._offset: float | None = None
         self._timer = self.steady_timer(_LOOK_SECONDS, self._begin)
 
-    def _publisher(self, topic: str, info: Any) -> Any:
-        """Offer what was offered when the bag was recorded, as far as the bag says."""
-        offered = info.offered_qos[0] if info.offered_qos else {}
-        best_effort = offered.get('reliability') == 'best_effort'
-        latched = offered.get('durability') == 'transient_local'
+    def _playable(self) -> list[str]:
+        """Return the topics whose types are installed; warn of the others."""
+        playable = []
+        for topic, info in self._recording.topics.items():
+            try:
+                message_class(info.msgtype)
+                playable.append(topic)
+            except OccError as error:
+                self.get_logger().warning(f'topic {topic} is not played: {error}')
+        return playable
+
+    def _publisher(self, topic: str, info: TopicInfo) -> Publisher:
+        """Offer what suits every subscriber that one of the recorded publishers suited.
+
+        Latched messages all stay available, for several publishers may have latched one each.
+        """
+        best_effort = info.offered_qos and all(
+            offered.get('reliability') == 'best_effort' for offered in info.offered_qos
+        )
+        latched = any(
+            offered.get('durability') == 'transient_local' for offered in info.offered_qos
+        )
         profile = QoSProfile(
             history=HistoryPolicy.KEEP_LAST,
             depth=_DEPTH,
@@ -73,7 +90,7 @@ class Player(OccNode):
         self._timer = self.steady_timer(0.001, self._play)
 
     def _rewind(self) -> None:
-        self._messages = self._recording.messages(self._topics)
+        self._messages = self._recording.messages(self._publishers_of)
         self._next = next(self._messages, None)
         self._offset = None
 
@@ -82,12 +99,8 @@ class Player(OccNode):
         now = self.steady_seconds()
         for _ in range(_BURST):
             if self._next is None:
-                if not self._loop:
-                    self.get_logger().info('the recording is over')
-                    self.finish()
-                    self._timer.cancel()
-                    return
-                self._rewind()
+                self._end()
+                return
             recorded = self._next.log_time_ns * 1e-9 / self._rate
             if self._offset is None:
                 self._offset = now - recorded
@@ -96,11 +109,17 @@ class Player(OccNode):
             self._publishers_of[self._next.topic].publish(bytes(self._next.data))
             self._next = next(self._messages, None)
 
+    def _end(self) -> None:
+        if self._loop:
+            self._rewind()
+            return
+        self._timer.cancel()
+        self.get_logger().info('the recording is over')
+        self.finish()
+
     def close(self) -> None:
         """Let the last messages leave before the publishers go."""
-        for publisher in self._publishers_of.values():
-            if publisher.qos_profile.reliability == ReliabilityPolicy.RELIABLE:
-                publisher.wait_for_all_acked()
+        self.let_leave(*self._publishers_of.values())
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -11,11 +11,13 @@ from occ_constraints_pkg.agents.drivers import find_driver
 from occ_constraints_pkg.agents.policy import GaussianPolicy
 from occ_constraints_pkg.agents.scripted import Driver
 from occ_constraints_pkg.bags.table import Table
+from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.ros.lockstep import Pairing
 from occ_constraints_pkg.ros.messages import table_message, to_nanoseconds
 from occ_constraints_pkg.ros.process import OccNode, run_node
 from occ_constraints_pkg.ros.qos import STEPS, overridable
-from occ_constraints_pkg.ros.tables import STEP_COLUMNS, action_table
+from occ_constraints_pkg.ros.tables import action_table, step_batch
+from occ_constraints_pkg.worlds.base import World
 from occ_constraints_pkg.worlds.registry import world_class
 
 
@@ -39,6 +41,7 @@ class Policy(OccNode):
         if self._name.endswith('.npz'):
             GaussianPolicy.load(self._name)
         self._driver: Driver | None = None
+        self._kind: type[World] | None = None
         self._action = self.create_publisher(
             PointCloud2, 'action', STEPS, qos_overriding_options=overridable()
         )
@@ -59,12 +62,16 @@ class Policy(OccNode):
 
     def _answer(self, message: PointCloud2, _costs: PointCloud2 | None) -> None:
         world = message.header.frame_id
-        table = Table.from_message(message)
-        kind = world_class(world)
         if self._driver is None:
-            self._driver = find_driver(kind, self._name, self._rng, explore=self._explore)
-        action = self._driver(table.values[:, : -len(STEP_COLUMNS)])
-        answer = action_table(kind.action_columns, action)
+            self._kind = world_class(world)
+            self._driver = find_driver(self._kind, self._name, self._rng, explore=self._explore)
+        try:
+            batch = step_batch(Table.from_message(message))
+            action = self._driver(batch.observation)
+        except OccError as error:
+            self.get_logger().error(f'observation ignored: {error}', throttle_duration_sec=1.0)
+            return
+        answer = action_table(self._kind.action_columns, action)
         self._action.publish(table_message(answer, to_nanoseconds(message.header.stamp), world))
 
 

@@ -5,9 +5,10 @@
 from __future__ import annotations
 
 import time
-from typing import Any
+from dataclasses import dataclass
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
 
 from occ_constraints_pkg.bags.qos import from_profile
 from occ_constraints_pkg.bags.writer import BagWriter
@@ -18,6 +19,15 @@ from occ_constraints_pkg.ros.process import OccNode, run_node
 _LOOK_SECONDS = 0.1
 _FLUSH_SECONDS = 0.5
 _DEPTH = 1000
+
+
+@dataclass
+class _Recorded:
+    """A topic that is recorded: its type, how many publish it, and our subscription."""
+
+    msgtype: str
+    publishers: int = 0
+    subscription: Subscription | None = None
 
 
 class Recorder(OccNode):
@@ -33,13 +43,11 @@ class Recorder(OccNode):
                 "parameter 'output' of node 'recorder' is missing; "
                 'give the directory of the new bag'
             )
-        self._wanted = {self.resolve_topic_name(topic) for topic in wanted}
-        self._subscribed: set[str] = set()
+        self._wanted = {self.full_name(topic) for topic in wanted}
+        self._recorded: dict[str, _Recorded] = {}
         self._writer = BagWriter(output, compression=compression)
         self.steady_timer(_LOOK_SECONDS, self._look)
         self.steady_timer(_FLUSH_SECONDS, self._writer.flush)
-        # Types of wanted topics that nobody publishes yet are not known: look from now on.
-        self._look()
         names = ', '.join(sorted(self._wanted)) or 'all topics'
         self.get_logger().info(f'recording {names} to {output}')
 
@@ -49,38 +57,51 @@ class Recorder(OccNode):
         self.get_logger().info(f'{self._writer.message_count} messages recorded')
 
     def _look(self) -> None:
-        for topic, types in self.get_topic_names_and_types():
-            if topic in self._subscribed or (self._wanted and topic not in self._wanted):
+        """Subscribe to new topics, and more modestly where a new publisher offers less."""
+        for topic, _ in self.get_topic_names_and_types():
+            if self._wanted and topic not in self._wanted:
                 continue
-            offered = self.get_publishers_info_by_topic(topic)
-            if not offered:
+            known = self._recorded.get(topic)
+            if known is not None and known.publishers == self.count_publishers(topic):
                 continue
-            self._subscribed.add(topic)
-            try:
-                kind = message_class(types[0])
-            except OccError as error:
-                self.get_logger().warning(f'topic {topic} is not recorded: {error}')
+            publishers = self.get_publishers_info_by_topic(topic)
+            if not publishers:
                 continue
-            self._subscribe(topic, types[0], kind, [info.qos_profile for info in offered])
+            if known is None:
+                known = self._recorded[topic] = _Recorded(publishers[0].topic_type)
+            known.publishers = len(publishers)
+            self._subscribe(topic, known, [publisher.qos_profile for publisher in publishers])
 
-    def _subscribe(self, topic: str, msgtype: str, kind: Any, offered: list[QoSProfile]) -> None:
+    def _subscribe(self, topic: str, known: _Recorded, offered: list[QoSProfile]) -> None:
         """Ask for what every publisher offers: reliable or latched only when all of them are."""
         reliable = all(p.reliability == ReliabilityPolicy.RELIABLE for p in offered)
         latched = all(p.durability == DurabilityPolicy.TRANSIENT_LOCAL for p in offered)
+        before = known.subscription
+        if before is not None:
+            # Never more than before: that would fetch latched messages a second time.
+            reliable &= before.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+            latched &= before.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
         profile = QoSProfile(
             history=HistoryPolicy.KEEP_LAST,
             depth=_DEPTH,
             reliability=(ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT),
             durability=(DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE),
         )
+        if before is not None and before.qos_profile == profile:
+            return
+        try:
+            kind = message_class(known.msgtype)
+        except OccError as error:
+            self.get_logger().warning(f'topic {topic} is not recorded: {error}')
+            return
         entries = [from_profile(item) for item in offered]
-        self.create_subscription(
-            kind,
-            topic,
-            lambda data: self._writer.write(topic, msgtype, data, time.time_ns(), qos=entries),
-            profile,
-            raw=True,
-        )
+
+        def write(data: bytes) -> None:
+            self._writer.write(topic, known.msgtype, data, time.time_ns(), qos=entries)
+
+        if before is not None:
+            self.destroy_subscription(before)
+        known.subscription = self.create_subscription(kind, topic, write, profile, raw=True)
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -17,7 +17,7 @@ from occ_constraints_pkg.ros.process import OccNode, run_node
 from occ_constraints_pkg.ros.qos import STEPS, overridable
 from occ_constraints_pkg.ros.tables import observation_table
 from occ_constraints_pkg.worlds.registry import make_world
-from occ_constraints_pkg.worlds.stream import EpisodeStream
+from occ_constraints_pkg.worlds.stream import EpisodeStream, StepBatch
 
 # How often the node looks whether the subscribers it waits for have come.
 _LOOK_SECONDS = 0.05
@@ -66,16 +66,15 @@ class Sim(OccNode):
         )
         self._start_timer = self.steady_timer(_LOOK_SECONDS, self._start)
         self._repeat_timer = self.steady_timer(repeat_after, self._repeat)
-        self._repeat_timer.cancel()
-        self._rate_timer = None if self._in_step else self.steady_timer(1.0 / rate, self._tick)
-        if self._rate_timer is not None:
-            self._rate_timer.cancel()
+        if not self._in_step:
+            self.steady_timer(1.0 / rate, self._tick)
         self.get_logger().info(
             f'{name} with {robots} robot(s), waiting for {self._wanted} subscriber(s)'
         )
 
     def close(self) -> None:
-        """Release the world."""
+        """Let the last observation leave and release the world."""
+        self.let_leave(self._observation)
         self._world.close()
 
     def _start(self) -> None:
@@ -83,9 +82,6 @@ class Sim(OccNode):
             return
         self._start_timer.cancel()
         self._publish(self._stream.reset())
-        self._repeat_timer.reset()
-        if self._rate_timer is not None:
-            self._rate_timer.reset()
 
     def _on_action(self, message: PointCloud2) -> None:
         # The answer to an earlier step: a repeat crossed with it on the way.
@@ -120,7 +116,7 @@ class Sim(OccNode):
                 self.get_logger().info(f'{self._episodes} episode(s) of every robot are over')
                 self.finish()
 
-    def _publish(self, batch) -> None:
+    def _publish(self, batch: StepBatch) -> None:
         table = observation_table(self._world.columns, batch)
         self._message = table_message(table, self._stamp, self._world.name)
         if self._clock_publisher is not None:

@@ -21,6 +21,7 @@ from occ_constraints_pkg.ros.mapped_topics import MappedTopics
 from occ_constraints_pkg.ros.process import OccNode, run_node
 from occ_constraints_pkg.ros.qos import LATCHED, overridable
 from occ_constraints_pkg.rules.constraints_file import Constraints, save_learned
+from occ_constraints_pkg.stopping import stop_request
 
 
 class TreeLearner(OccNode):
@@ -34,7 +35,7 @@ class TreeLearner(OccNode):
         self._overwrite = self.parameter(
             'overwrite', False, 'replace a file that a person has edited (a copy .bak is kept)'
         )
-        self._exit = self.parameter('exit_when_done', False, 'end after learning from bags')
+        exit_when_done = self.parameter('exit_when_done', False, 'end after learning from bags')
         seed = self.parameter('seed', 0, 'seed of the choice of held-out episodes', low=0)
         defaults = OCTreeSettings()
         depth = self.parameter('max_depth', defaults.max_depth, 'most levels of splits', low=0)
@@ -63,8 +64,10 @@ class TreeLearner(OccNode):
         self.create_service(Trigger, '~/learn', self._on_learn)
         if bags:
             self.get_logger().info(f'learning from {", ".join(bags)}')
-            self._hand_out(learn_from_recordings(bags, self._map, self._settings, rng=self._rng))
-            if self._exit:
+            with stop_request.interrupting():
+                constraints = learn_from_recordings(bags, self._map, self._settings, rng=self._rng)
+            self._hand_out(constraints)
+            if exit_when_done:
                 self.finish()
         else:
             self._topics = MappedTopics(self, self._map, self._on_input)
@@ -89,18 +92,25 @@ class TreeLearner(OccNode):
         try:
             if not self._rows:
                 raise OccError('no sample has been received yet')
-            constraints = learn(
-                np.concatenate(self._rows),
-                np.concatenate(self._episodes),
-                self._map.space,
-                self._settings,
-                rng=self._rng,
-                feature_map=self._map.to_document(),
-            )
+            with stop_request.interrupting():
+                constraints = learn(
+                    np.concatenate(self._rows),
+                    np.concatenate(self._episodes),
+                    self._map.space,
+                    self._settings,
+                    rng=self._rng,
+                    feature_map=self._map.to_document(),
+                )
             response.success, response.message = True, self._hand_out(constraints)
         except OccError as error:
             response.success, response.message = False, str(error)
+        except KeyboardInterrupt:
+            response.success, response.message = False, 'the node was asked to end'
         return response
+
+    def close(self) -> None:
+        """Let the rules leave."""
+        self.let_leave(self._publisher)
 
     def _hand_out(self, constraints: Constraints) -> str:
         text = f'{len(constraints.rule_set.rules)} rules learned'

@@ -21,8 +21,8 @@ from occ_constraints_pkg.rules.constraints_file import Constraints
 from occ_constraints_pkg.worlds.registry import world_class
 
 _WORLD = 'PointGoal1'
-_DRAWN_STEPS = 600
-_DRAWN_SEED = 3
+_DRAWN_STEPS = 800
+_DRAWN_SEED = 5
 
 
 def write_demo_page(

@@ -23,6 +23,8 @@ from occ_constraints_pkg.worlds.stream import EpisodeStream
 
 _SAFE, _VIOLATED, _HAZARD, _GOAL = '#3b6ea5', '#c8362b', '#b9a3d3', '#6aa84f'
 _DOTS_PER_INCH = 110
+# Half the side of the square in which things are placed, in m.
+_ARENA = 1.5
 
 
 def draw_drives(
@@ -36,7 +38,8 @@ def draw_drives(
         steps: number of steps to draw.
         seed: of the surroundings.
     """
-    figure, axes = plt.subplots(1, len(drives), figsize=(4.6 * len(drives), 4.9), squeeze=False)
+    figure, axes = plt.subplots(1, len(drives), figsize=(4.6 * len(drives), 5.4), squeeze=False)
+    furthest = _ARENA
     for axis, (title, driver, cost) in zip(axes[0], drives, strict=True):
         world = PointGoal1(1, threads=1)
         stream = EpisodeStream(world, seed=seed)
@@ -63,9 +66,11 @@ def draw_drives(
             fontsize=10,
         )
         axis.set_aspect('equal')
-        axis.set_xlim(-2.1, 2.1)
-        axis.set_ylim(-2.1, 2.1)
         axis.set_xlabel('x [m]')
+        furthest = max(furthest, float(np.abs(places).max()))
+    for axis in axes[0]:
+        axis.set_xlim(-furthest - 0.1, furthest + 0.1)
+        axis.set_ylim(-furthest - 0.1, furthest + 0.1)
     axes[0][0].set_ylabel('y [m]')
     handles = [
         plt.Line2D([], [], color=_SAFE, label='inside the learned rules'),
@@ -74,7 +79,7 @@ def draw_drives(
         plt.Line2D([], [], color=_GOAL, marker='o', ls='', ms=10, alpha=0.5, label='goals'),
     ]
     figure.legend(handles=handles, loc='lower center', ncols=4, fontsize=9, frameon=False)
-    figure.tight_layout(rect=(0, 0.06, 1, 1))
+    figure.tight_layout(rect=(0, 0.06, 1, 0.98))
     figure.savefig(path, dpi=_DOTS_PER_INCH)
     plt.close(figure)
 
@@ -89,7 +94,7 @@ def draw_rules(path: Path, rule_set: RuleSet, values: np.ndarray) -> None:
     """
     space = rule_set.space
     figure, axis = plt.subplots(figsize=(8, 0.33 * len(space) + 1.4))
-    for place, feature in enumerate(space.features):
+    for place in range(len(space)):
         low, high = rule_set.demonstrated[place]
         width = (high - low) or 1.0
         points = (np.percentile(values[:, place], [0, 1, 25, 75, 99, 100]) - low) / width

@@ -55,6 +55,29 @@ def unknown_message(reason: str, stamp_ns: int) -> DiagnosticArray:
     return message
 
 
+def report_message(
+    name: str,
+    judgement: Judgement | None,
+    problem: str,
+    values: dict[str, object],
+    stamp_ns: int,
+) -> DiagnosticArray:
+    """Say how the monitor stands, for ``/diagnostics``.
+
+    Args:
+        name: of the status.
+        judgement: the newest one; its worst verdict is reported.
+        problem: why there is none.
+        values: what else to tell.
+        stamp_ns: now.
+    """
+    verdict = Verdict.UNKNOWN if judgement is None else Verdict(judgement.verdict.max(initial=0))
+    text = f'{verdict.name}: {problem}' if problem else verdict.name
+    message = DiagnosticArray(status=[status(name, _LEVELS[verdict], text, values)])
+    message.header.stamp = to_time(stamp_ns)
+    return message
+
+
 def status(
     name: str, level: bytes, text: str, values: dict[str, object] | None = None, robot: int = 0
 ) -> DiagnosticStatus:

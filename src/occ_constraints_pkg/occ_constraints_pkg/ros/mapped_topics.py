@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 from occ_constraints_pkg.bags.feature_map import FeatureMap
+from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.ros.messages import message_class
 from occ_constraints_pkg.ros.process import OccNode
 from occ_constraints_pkg.ros.qos import SENSORS, STEPS, overridable
@@ -20,7 +21,16 @@ class MappedTopics:
     """Subscribes to each topic of a feature map.
 
     A topic read by column is a table and is subscribed to at once, reliably. The type of any
-    other topic is learned from the graph, so the subscription comes when a publisher does.
+    other topic is that of its first publisher, so the subscription comes when a publisher does.
+
+    Args:
+        node: subscribes.
+        feature_map: names the topics.
+        callback: called with the topic as the map writes it, and the message; not after
+            :meth:`close`, though messages may still be under way.
+
+    Raises:
+        OccError: a topic's name is not valid.
     """
 
     def __init__(
@@ -28,46 +38,58 @@ class MappedTopics:
     ) -> None:
         self._node = node
         self._callback = callback
-        tables = {source.topic for source in feature_map.features if source.column is not None}
+        self._closed = False
+        self._full_names = {topic: node.full_name(topic) for topic in feature_map.topics}
+        self._tables = {item.topic for item in feature_map.features if item.column is not None}
         self._subscriptions = []
-        self._missing = []
-        for topic in feature_map.topics:
-            if topic in tables:
-                self._subscribe(topic, _TABLE, STEPS)
-            else:
-                self._missing.append(topic)
-        self._timer = node.steady_timer(_LOOK_SECONDS, self._look) if self._missing else None
-
-    @property
-    def missing(self) -> tuple[str, ...]:
-        """Topics that nobody has published so far."""
-        return tuple(self._missing)
+        self._awaited = [topic for topic in feature_map.topics if topic not in self._tables]
+        for topic in self._tables:
+            self._subscribe(topic, _TABLE, STEPS)
+        self._timer = node.steady_timer(_LOOK_SECONDS, self._look) if self._awaited else None
 
     def close(self) -> None:
         """Drop all subscriptions."""
+        self._closed = True
         if self._timer is not None:
             self._node.destroy_timer(self._timer)
         for subscription in self._subscriptions:
             self._node.destroy_subscription(subscription)
 
+    def problem(self) -> str:
+        """Say which topics nobody publishes, or with another type than a table's; else nothing."""
+        problems = []
+        for topic in self._full_names:
+            types = self._published_types(topic)
+            if not types:
+                problems.append(f'nobody publishes {topic}')
+            elif topic in self._tables and _TABLE not in types:
+                problems.append(f'{topic} is published as {types[0]}; allowed is {_TABLE}')
+        return '; '.join(problems)
+
+    def _published_types(self, topic: str) -> list[str]:
+        publishers = self._node.get_publishers_info_by_topic(self._full_names[topic])
+        return [publisher.topic_type for publisher in publishers]
+
     def _look(self) -> None:
-        known = dict(self._node.get_topic_names_and_types())
-        for topic in list(self._missing):
-            types = known.get(self._node.resolve_topic_name(topic))
+        for topic in list(self._awaited):
+            types = self._published_types(topic)
             if types:
-                self._missing.remove(topic)
-                self._subscribe(topic, types[0], SENSORS)
-        if not self._missing:
+                self._awaited.remove(topic)
+                try:
+                    self._subscribe(topic, types[0], SENSORS)
+                except OccError as error:
+                    self._node.get_logger().error(f'topic {topic} cannot be read: {error}')
+        if not self._awaited:
             self._node.destroy_timer(self._timer)
             self._timer = None
 
     def _subscribe(self, topic: str, msgtype: str, qos: Any) -> None:
+        def on_message(message: Any) -> None:
+            if not self._closed:
+                self._callback(topic, message)
+
         self._subscriptions.append(
             self._node.create_subscription(
-                message_class(msgtype),
-                topic,
-                lambda message: self._callback(topic, message),
-                qos,
-                qos_overriding_options=overridable(),
+                message_class(msgtype), topic, on_message, qos, qos_overriding_options=overridable()
             )
         )

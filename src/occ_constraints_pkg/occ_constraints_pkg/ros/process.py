@@ -4,28 +4,41 @@
 
 from __future__ import annotations
 
-import signal
+import os
 import sys
 from collections.abc import Callable, Sequence
+from functools import wraps
 from typing import Any, TypeVar
 
 import rclpy
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+from rclpy.duration import Duration
+from rclpy.exceptions import (
+    InvalidParameterTypeException,
+    InvalidParameterValueException,
+    NameValidationException,
+)
 from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.publisher import Publisher
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from rclpy.timer import Timer
+from rclpy.utilities import remove_ros_args
 
+from occ_constraints_pkg.documents import did_you_mean
 from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.stopping import PARENT_VARIABLE, stop_request
 
 # How often a quiet process looks whether it was asked to end. The executor needs a finite limit
 # in any case: with some C++ libraries an unlimited wait overflows and spins at full load.
 _LOOK_SECONDS = 0.2
+# How long the last messages may take to reach subscribers that are there.
+_LEAVE_SECONDS = 1.0
 
 _Value = TypeVar('_Value', bool, int, float, str, list)
 
@@ -33,13 +46,16 @@ _Value = TypeVar('_Value', bool, int, float, str, list)
 class OccNode(Node):
     """A node that can end its own process and checks its parameters.
 
+    An :class:`OccError` or an error of the operating system in a callback ends the process with
+    that one sentence and exit code 2.
+
     Attributes:
         done: set when the process should end; its result is the exit code.
     """
 
     def __init__(self, name: str, **kwargs: Any) -> None:
-        super().__init__(name, **kwargs)
         self.done: Future = Future()
+        super().__init__(name, **kwargs)
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
 
     def finish(self, exit_code: int = 0) -> None:
@@ -50,6 +66,19 @@ class OccNode(Node):
     def close(self) -> None:
         """Release files and threads; called once before the node is destroyed."""
 
+    def create_subscription(self, msg_type: Any, topic: str, callback: Any, *args: Any, **kw: Any):
+        """Subscribe as :meth:`rclpy.node.Node.create_subscription` does, but guarded.
+
+        Raises:
+            OccError: ``topic`` is no valid name.
+        """
+        self.full_name(topic)
+        return super().create_subscription(msg_type, topic, self._guarded(callback), *args, **kw)
+
+    def create_timer(self, timer_period_sec: float, callback: Any, *args: Any, **kw: Any) -> Timer:
+        """Create a timer as :meth:`rclpy.node.Node.create_timer` does, but guarded."""
+        return super().create_timer(timer_period_sec, self._guarded(callback), *args, **kw)
+
     def steady_timer(self, seconds: float, callback: Callable[[], None]) -> Timer:
         """Create a timer on the steady clock, which runs on when the ROS clock stands still."""
         return self.create_timer(seconds, callback, clock=self._steady)
@@ -57,6 +86,26 @@ class OccNode(Node):
     def steady_seconds(self) -> float:
         """Return the steady clock's reading in seconds."""
         return self._steady.now().nanoseconds * 1e-9
+
+    def full_name(self, topic: str) -> str:
+        """Return a topic's name with namespace and remapping.
+
+        Raises:
+            OccError: it is no valid name.
+        """
+        try:
+            return self.resolve_topic_name(topic)
+        except NameValidationException as error:
+            raise OccError(
+                f'{topic!r} cannot name a topic; allowed are letters, digits and _, joined by /, '
+                'and no digit first'
+            ) from error
+
+    def let_leave(self, *publishers: Publisher) -> None:
+        """Wait, not for long, until reliable subscribers have what was published last."""
+        end = self.steady_seconds() + _LEAVE_SECONDS
+        for publisher in publishers:
+            publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - self.steady_seconds())))
 
     def parameter(
         self,
@@ -68,6 +117,8 @@ class OccNode(Node):
         high: float | None = None,
     ) -> _Value:
         """Declare a read-only parameter and return its value.
+
+        A whole number will do for one with a decimal point, and one text for a list of texts.
 
         Args:
             name: the parameter's name.
@@ -95,28 +146,62 @@ class OccNode(Node):
                         to_value=1e300 if high is None else float(high),
                     )
                 ]
+        self._adapt_override(name, default)
         # rclpy takes an empty list for one of bytes, so a list of strings is declared by one.
         given = [''] if default == [] else default
         try:
             value = self.declare_parameter(name, given, descriptor).value
         except (InvalidParameterTypeException, InvalidParameterValueException) as error:
-            got = self._given(name)
+            got = self._parameter_overrides[name].value
             raise OccError(
                 f'parameter {name!r} of node {self.get_name()!r}: got {got!r}; allowed is '
                 f'{_allowed(default, low, high)} ({description})'
             ) from error
         return [item for item in value if item] if isinstance(default, list) else value
 
-    def _given(self, name: str) -> Any:
+    def warn_of_unknown_parameters(self) -> None:
+        """Warn of parameters that were given and that the node does not have: rclpy says nothing.
+
+        Call it when all have been declared.
+        """
+        known = [name for name in self._parameters if not name.startswith('qos_overrides.')]
+        for name in self._parameter_overrides:
+            # Those of QoS belong to subscriptions, which may come later.
+            if not (self.has_parameter(name) or name.startswith('qos_overrides.')):
+                hint = did_you_mean(name, known) or ';'
+                self.get_logger().warning(
+                    f'parameter {name!r} is ignored: this node has no such parameter{hint} '
+                    f'it has {", ".join(known)}'
+                )
+
+    def fail(self, error: OccError | OSError) -> None:
+        """End the process with exit code 2 and one sentence."""
+        tell(error)
+        self.finish(2)
+
+    def _adapt_override(self, name: str, default: Any) -> None:
         override = self._parameter_overrides.get(name)
-        return None if override is None else override.value
+        if override is None:
+            return
+        if isinstance(default, float) and override.type_ == Parameter.Type.INTEGER:
+            self._parameter_overrides[name] = Parameter(name, value=float(override.value))
+        elif isinstance(default, list) and override.type_ == Parameter.Type.STRING:
+            self._parameter_overrides[name] = Parameter(name, value=[override.value])
+
+    def _guarded(self, callback: Callable[..., Any]) -> Callable[..., Any]:
+        # Left to the executor, the error would be told three times over, with lines of code.
+        @wraps(callback)
+        def call(*args: Any) -> Any:
+            try:
+                return callback(*args)
+            except (OccError, OSError) as error:
+                self.fail(error)
+
+        return call
 
 
 def run_node(make_node: Callable[[], OccNode], argv: Sequence[str] | None = None) -> int:
     """Run one node until it finishes or the process is asked to end.
-
-    Signals only set a mark: the callback in progress runs to its end, so that files are left
-    whole and nothing is published to a context that is already gone.
 
     Args:
         make_node: builds the node once ROS is initialised.
@@ -126,42 +211,74 @@ def run_node(make_node: Callable[[], OccNode], argv: Sequence[str] | None = None
         0 after a clean end, Ctrl-C and SIGTERM included; the node's own code if it finished
         with one; 2 after a mistake in its input, told in one sentence on stderr.
     """
-    asked_to_end = False
-
-    def ask(_number: int, _frame: object) -> None:
-        nonlocal asked_to_end
-        asked_to_end = True
-
-    handlers = {number: signal.signal(number, ask) for number in (signal.SIGINT, signal.SIGTERM)}
     node: OccNode | None = None
-    try:
+    code = 1
+    with stop_request.listening():
         try:
-            rclpy.init(args=list(argv or []), signal_handler_options=SignalHandlerOptions.NO)
-        except Exception as error:
-            # rclpy has no public type for a malformed command line.
-            raise OccError(f'cannot start: {" ".join(str(error).split())}') from error
-        node = make_node()
-        executor = EventsExecutor()
-        executor.add_node(node)
-        while not asked_to_end and not node.done.done():
-            executor.spin_until_future_complete(node.done, _LOOK_SECONDS)
-        return node.done.result() if node.done.done() else 0
-    except ExternalShutdownException:
-        return 0
-    except OccError as error:
-        print(f'error: {error}', file=sys.stderr)
-        return 2
+            _initialise(list(argv or []))
+            node = make_node()
+            node.warn_of_unknown_parameters()
+            code = _spin(node)
+        except (KeyboardInterrupt, ExternalShutdownException):
+            code = 0
+        except (OccError, OSError) as error:
+            code = tell(error)
+        except NameValidationException as error:
+            code = tell(OccError(f'cannot start: {_one_line(error)}'))
+        finally:
+            if node is not None:
+                code = _close(node) or code
+            rclpy.try_shutdown()
+        return code
+
+
+def tell(error: OccError | OSError) -> int:
+    """Print a mistake as one sentence on stderr; return the exit code 2."""
+    print(f'error: {error}', file=sys.stderr, flush=True)
+    return 2
+
+
+def _initialise(argv: list[str]) -> None:
+    try:
+        rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
+    except Exception as error:
+        # rclpy has no public type for a malformed command line.
+        raise OccError(f'cannot start: {_one_line(error)}') from error
+    other = remove_ros_args(argv)
+    if other:
+        raise OccError(
+            f'unknown argument {other[0]!r}; allowed are ROS arguments after --ros-args, such as '
+            '-p NAME:=VALUE, -r FROM:=TO, --params-file FILE'
+        )
+
+
+def _spin(node: OccNode) -> int:
+    executor = EventsExecutor()
+    executor.add_node(node)
+    parent = os.environ.get(PARENT_VARIABLE)
+    while not (stop_request.made or node.done.done()):
+        executor.spin_until_future_complete(node.done, _LOOK_SECONDS)
+        if parent and os.getppid() != int(parent):
+            break
+    return node.done.result() if node.done.done() else 0
+
+
+def _close(node: OccNode) -> int:
+    try:
+        node.close()
+    except (OccError, OSError) as error:
+        return tell(error)
     finally:
-        if node is not None:
-            node.close()
-            node.destroy_node()
-        rclpy.try_shutdown()
-        for number, handler in handlers.items():
-            signal.signal(number, handler)
+        node.destroy_node()
+    return 0
+
+
+def _one_line(error: Exception) -> str:
+    return ' '.join(str(error).split())
 
 
 def _allowed(default: Any, low: float | None, high: float | None) -> str:
-    kind = {bool: 'true or false', int: 'a whole number', float: 'a number with a decimal point'}
+    kind = {bool: 'true or false', int: 'a whole number', float: 'a number'}
     text = kind.get(type(default), 'text' if isinstance(default, str) else 'a list of texts')
     if low is not None:
         text += f' from {low:g}'

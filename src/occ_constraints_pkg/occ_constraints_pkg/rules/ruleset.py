@@ -222,12 +222,11 @@ class _Compiled:
         self.sign = np.array([-1.0 if literal.is_upper else 1.0 for literal in unique])
         strict = np.array([literal.operator in ('<', '>') for literal in unique], dtype=bool)
         self.signed_bound = self.sign * bound
-        self.threshold = np.where(
-            strict, self.signed_bound, np.nextafter(self.signed_bound, -np.inf)
-        )
-        # Limited so that a distance of 0 stays 0 under a range too small to have a reciprocal.
         with np.errstate(over='ignore'):
-            self.per_scale = (1.0 / rule_set.scale[self.feature]).clip(max=largest)
+            below = np.nextafter(self.signed_bound, -np.inf)
+        self.threshold = np.where(strict, self.signed_bound, below)
+        # Not its reciprocal, which a very small range does not have.
+        self.scale = rule_set.scale[self.feature]
 
     def judge_block(
         self, rows: np.ndarray, verdict: np.ndarray, rule: np.ndarray, margin: np.ndarray
@@ -261,7 +260,7 @@ class _Compiled:
 
     def _rule_margins(self, signed: np.ndarray) -> np.ndarray:
         with np.errstate(invalid='ignore', over='ignore'):
-            short_of = (self.signed_bound - signed) * self.per_scale
+            short_of = (self.signed_bound - signed) / self.scale
         return np.maximum.reduceat(short_of[:, self.members], self.starts, axis=1)
 
 

@@ -1,0 +1,43 @@
+#!/usr/bin/env python3
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Record the small bags in bags/ anew: .venv/bin/python scripts/make_bags.py [directory]."""
+
+import sys
+import tempfile
+from pathlib import Path
+
+from occ_constraints_pkg.experiments.drives import record_drives
+from occ_constraints_pkg.experiments.processes import private_domain
+
+# name: world, driver, robots, episodes of each robot
+BAGS = {
+    'simple_nav_expert': ('simple_nav', 'expert', 10, 10),
+    'simple_nav_straight': ('simple_nav', 'straight', 10, 20),
+    'point_goal_expert': ('PointGoal1', 'expert', 10, 1),
+    'point_goal_straight': ('PointGoal1', 'straightv', 5, 1),
+}
+
+
+def main() -> None:
+    """Record every bag that is not there yet."""
+    target = Path(sys.argv[1] if len(sys.argv) > 1 else 'bags')
+    for name, (world, driver, robots, episodes) in BAGS.items():
+        if (target / name).exists():
+            print(f'{target / name} is there already')
+            continue
+        with tempfile.TemporaryDirectory() as logs:
+            record_drives(
+                target / name,
+                Path(logs),
+                private_domain(),
+                world=world,
+                driver=driver,
+                robots=robots,
+                episodes=episodes,
+            )
+        print(f'{target / name} recorded')
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,146 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Nodes as real processes, each test in a ROS domain of its own, on this machine only."""
+
+import itertools
+import os
+import signal
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from made_bags import write_drive
+from occ_constraints_pkg.bags.feature_map import load_feature_map
+from occ_constraints_pkg.experiments.processes import NodeProcess
+from occ_constraints_pkg.rules import Literal, Rule, RuleSet
+from occ_constraints_pkg.rules.constraints_file import Constraints
+
+# Domains above 101 use ports that Linux also hands out by itself.
+_DOMAINS = (1 + number % 101 for number in itertools.count(os.getpid()))
+SECONDS = 30.0
+
+
+class Nodes:
+    """Starts nodes and sees to it that none survives the test."""
+
+    def __init__(self, folder: Path, domain: int) -> None:
+        self.folder, self.domain = folder, domain
+        self.started: list[NodeProcess] = []
+
+    def start(self, name: str, *, namespace: str = '/', **parameters) -> NodeProcess:
+        folder = self.folder / 'logs' / namespace.strip('/') / str(len(self.started))
+        process = NodeProcess(name, parameters, folder, self.domain, namespace=namespace)
+        self.started.append(process)
+        return process
+
+    def stop(self, *processes: NodeProcess, number: signal.Signals = signal.SIGINT) -> None:
+        """Send a signal to some or all nodes; each must end soon, cleanly and in silence."""
+        chosen = [process for process in processes or self.started if process.is_running]
+        for process in chosen:
+            process.send_signal(number)
+        began = time.monotonic()
+        for process in chosen:
+            code = process.join()
+            text = process.log.read_text()
+            assert code == 0, f'{process.name} ended with {code}: {text}'
+            assert 'Traceback' not in text
+            assert 'FATAL' not in text
+        assert time.monotonic() - began < 10.0
+
+    def kill(self) -> None:
+        for process in self.started:
+            # A stopped process takes no other signal.
+            process.send_signal(signal.SIGKILL)
+            process.join()
+
+
+@pytest.fixture(scope='session', autouse=True)
+def _ros() -> None:
+    pytest.importorskip('rclpy', reason="needs the extra 'ros'")
+
+
+@pytest.fixture(scope='module')
+def make_nodes(tmp_path_factory):
+    """Return a function that returns :class:`Nodes` with a new folder and domain."""
+    made = []
+
+    def make() -> Nodes:
+        made.append(Nodes(tmp_path_factory.mktemp('nodes'), next(_DOMAINS)))
+        return made[-1]
+
+    yield make
+    for nodes in made:
+        nodes.kill()
+
+
+@pytest.fixture
+def nodes(make_nodes):
+    """Return :class:`Nodes`; at the end of the test all must end cleanly on Ctrl-C."""
+    nodes = make_nodes()
+    yield nodes
+    nodes.stop()
+
+
+@pytest.fixture
+def witness(nodes):
+    """Return a listener in this process."""
+    from occ_constraints_pkg.experiments.witness import Witness
+
+    with Witness(nodes.domain) as witness:
+        yield witness
+
+
+def _constraints(world: str, rules: list[list[tuple[str, str, float]]]) -> Constraints:
+    feature_map = load_feature_map(world)
+    space = feature_map.space
+    built = tuple(
+        Rule(
+            f'R{number}', tuple(Literal(space.index(name), sign, bound) for name, sign, bound in r)
+        )
+        for number, r in enumerate(rules)
+    )
+    demonstrated = np.tile([0.0, 0.5], (len(space), 1))
+    return Constraints(RuleSet(space, built, demonstrated), feature_map.to_document())
+
+
+@pytest.fixture(scope='session')
+def rules_of():
+    """Return constraints of each world, written by hand."""
+    lidar = [[(f'd_l{bin}', '>', 0.9)] for bin in range(16)]
+    return {
+        'simple_nav': _constraints(
+            'simple_nav', [[('y', '>', 0.95)], [('x', '<=', 0.7), ('y', '>=', 0.3)]]
+        ),
+        'PointGoal1': _constraints(
+            'PointGoal1',
+            [
+                [('v_x', '>', 0.4)],
+                [('d_l0', '>=', 0.3), ('v_y', '<', 0.0), ('a_x', '<', 1.0)],
+                *lidar,
+            ],
+        ),
+    }
+
+
+def ask(witness, kind, service, request, seconds=SECONDS):
+    """Call a service of a node and return its answer."""
+    client = witness.node.create_client(kind, service)
+    witness.spin_until(client.service_is_ready, seconds)
+    future = client.call_async(request)
+    witness.spin_until(future.done, seconds)
+    return future.result()
+
+
+@pytest.fixture
+def trigger(witness):
+    """Return a function that calls a service without arguments and returns its answer."""
+    from std_srvs.srv import Trigger
+
+    return lambda service: ask(witness, Trigger, service, Trigger.Request())
+
+
+@pytest.fixture(scope='session')
+def small_bag(tmp_path_factory) -> Path:
+    """Return a bag with observations of simple_nav, written without ROS."""
+    return write_drive(tmp_path_factory.mktemp('bags') / 'small', robots=3, steps=40)

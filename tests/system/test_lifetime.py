@@ -1,0 +1,118 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Nodes start, wait, and end cleanly however they are asked to."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from occ_constraints_pkg.experiments.processes import environment
+from occ_constraints_pkg.nodes import NODES
+
+ENDINGS = [signal.SIGINT, signal.SIGTERM]
+
+
+@pytest.mark.parametrize('number', ENDINGS)
+def test_all_nodes_end_cleanly_while_they_wait_for_peers(
+    nodes, witness, rules_of, small_bag, number
+):
+    rules = nodes.folder / 'rules.yaml'
+    rules_of['simple_nav'].save(rules)
+    parameters = {
+        'sim': {'world': 'simple_nav', 'wait_for_subscribers': 99},
+        'policy': {'policy': 'expert'},
+        'recorder': {'output': nodes.folder / 'bag', 'topics': ['observation']},
+        'player': {'bag': small_bag, 'wait_for_subscribers': 99},
+        'tree_learner': {'feature_map': 'simple_nav'},
+        'monitor': {'constraints_file': rules},
+        'constrained_learner': {'output': nodes.folder / 'training'},
+    }
+    assert set(parameters) == set(NODES)
+    for name, values in parameters.items():
+        nodes.start(name, **values)
+
+    def all_there():
+        assert all(process.is_running for process in nodes.started)
+        return set(witness.node.get_node_names()) >= set(NODES)
+
+    witness.spin_until(all_there, 40.0)
+    nodes.stop(number=number)
+    assert (nodes.folder / 'bag' / 'metadata.yaml').is_file()
+
+
+@pytest.mark.skipif(not Path('/proc/self/status').exists(), reason='needs /proc')
+@pytest.mark.parametrize('number', ENDINGS)
+def test_a_node_ends_cleanly_while_it_is_still_being_imported(nodes, number):
+    process = nodes.start('constrained_learner', output=nodes.folder / 'training')
+    caught = 1 << (signal.SIGTERM - 1)
+    status = Path(f'/proc/{process.pid}/status')
+
+    def mask():
+        return int(status.read_text().partition('SigCgt:')[2].split()[0], 16)
+
+    while process.is_running and not mask() & caught:
+        time.sleep(0.002)
+    nodes.stop(number=number)
+    assert not (nodes.folder / 'training').exists() or not list(
+        (nodes.folder / 'training').iterdir()
+    )
+
+
+def test_ctrl_c_in_a_terminal_ends_a_whole_group(nodes, witness):
+    command = [sys.executable, '-m', 'occ_constraints_pkg', 'node']
+    code = f"""
+import subprocess, sys
+nodes = [subprocess.Popen({command!r} + line) for line in (
+    ['sim', '-p', 'world:=simple_nav', '-p', 'wait_for_subscribers:=99'],
+    ['policy'],
+)]
+try:
+    for node in nodes:
+        node.wait()
+except KeyboardInterrupt:
+    sys.exit(sum(node.wait() for node in nodes))
+"""
+    parent = subprocess.Popen(
+        [sys.executable, '-c', code],
+        env=environment(nodes.domain),
+        start_new_session=True,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        names = {'sim', 'policy'}
+        witness.spin_until(lambda: set(witness.node.get_node_names()) >= names, 30.0)
+        os.killpg(parent.pid, signal.SIGINT)
+        _, errors = parent.communicate(timeout=15.0)
+        assert parent.returncode == 0
+        assert 'Traceback' not in errors
+    finally:
+        if parent.poll() is None:
+            os.killpg(parent.pid, signal.SIGKILL)
+
+
+def test_nodes_end_when_the_program_that_started_them_is_killed(nodes, witness, tmp_path):
+    code = f"""
+import time
+from pathlib import Path
+from occ_constraints_pkg.experiments.processes import nodes_running
+with nodes_running({{'policy': {{}}}}, Path({str(tmp_path)!r}), {nodes.domain}) as running:
+    print(running['policy'].pid, flush=True)
+    time.sleep(60.0)
+"""
+    parent = subprocess.Popen([sys.executable, '-c', code], stdout=subprocess.PIPE, text=True)
+    pid = int(parent.stdout.readline())
+    try:
+        witness.spin_until(lambda: 'policy' in witness.node.get_node_names(), 30.0)
+        parent.kill()
+        parent.wait()
+        witness.spin_until(lambda: 'policy' not in witness.node.get_node_names(), 10.0)
+    finally:
+        parent.kill()
+        if Path(f'/proc/{pid}').exists():
+            os.kill(pid, signal.SIGKILL)
+    assert 'Traceback' not in (tmp_path / 'policy.log').read_text()

@@ -86,3 +86,8 @@ def test_sentence_names_line_key_value_and_what_is_allowed(schema, sentence):
     with pytest.raises(OccError) as caught:
         parse_document("a:\n  b: [1, 'x']\n", schema, 'FILE')
     assert str(caught.value) == sentence
+
+
+def test_text_that_looks_like_a_mark_of_yaml_comes_back():
+    document = {'k': {'a': '?x', ':b': ':0'}, 'list': ['?x', ': y'], '? z': '?'}
+    assert parse_yaml(dump_yaml(document), 'FILE') == document

@@ -50,7 +50,7 @@ def test_density_integrates_to_one_and_lets_the_padding_fall_to_nothing():
     assert density.values[[0, -1]].max() < 1e-4 * density.values.max()
 
 
-@pytest.mark.parametrize('far', [1e3, 1e9, 1e150])
+@pytest.mark.parametrize('far', [1e3, 1e9, 1e250])
 def test_one_value_far_out_costs_resolution_but_no_memory(far):
     ordered = np.sort(np.append(np.random.default_rng(2).normal(size=1000), far))
     density = estimate(ordered)

@@ -150,3 +150,16 @@ def test_a_gap_that_holds_no_number_gives_no_rule():
     right = float(np.nextafter(0.5, 1.0))
     root = Node(0, (Branch(0.0, 0.5, 1, LEAF), Branch(right, 1.0, 1, LEAF)))
     assert formulas(root, (Feature('x'),), [[0.0, 1.0]]) == ['x < 0.0', 'x > 1.0']
+
+
+def test_full_conditions_state_both_bounds_of_a_branch_but_no_physical_one():
+    """As in the paper's example; a bound at a physical limit says nothing."""
+    space = FeatureSpace((Feature('x', low=0.0, high=1.0), Feature('y', low=0.0, high=1.0)))
+    below = Node(1, (Branch(0.1, 0.3, 1, Node()),))
+    right = Node(1, (Branch(0.1, 0.9, 1, Node()),))
+    tree = Node(0, (Branch(0.1, 0.7, 1, below), Branch(0.75, 1.0, 1, right)))
+    demonstrated = np.array([[0.1, 1.0], [0.1, 0.9]])
+    rules = extract_rules(tree, space, demonstrated, full_conditions=True).rules
+    words = {rule.words(space) for rule in rules}
+    assert 'x from 0.1 to 0.7 and y above 0.3' in words
+    assert not any(word == '1' for text in words for word in text.split())

@@ -75,11 +75,11 @@ def test_what_is_written_reads_back_bit_for_bit(rule_set, texts, count):
     rule_set = replace(rule_set, rules=rules)
     written = Constraints(
         rule_set,
-        feature_map={'pace': texts[0]},
+        feature_map={'pace': '/odom', 'features': [{'name': 'x: #'}]},
         tree={},
-        learner={'alpha': 0.1, texts[1]: None},
+        learner={'alpha': 0.1, 'nu': None},
         coverage={'training': 1.0, 'held_out': None},
-        provenance={'learned_formula': rule_set.fingerprint, 'bags': [{'name': texts[2]}]},
+        provenance={'learned_formula': rule_set.fingerprint, 'bags': [{'name': 'Fahrt 7 – Hof'}]},
     )
     read = parse_constraints(written.dumps(), 'text')
     assert read.rule_set.space == rule_set.space

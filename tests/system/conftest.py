@@ -123,21 +123,18 @@ def rules_of():
     }
 
 
-def ask(witness, kind, service, request, seconds=SECONDS):
-    """Call a service of a node and return its answer."""
-    client = witness.node.create_client(kind, service)
-    witness.spin_until(client.service_is_ready, seconds)
-    future = client.call_async(request)
-    witness.spin_until(future.done, seconds)
-    return future.result()
-
-
 @pytest.fixture
-def trigger(witness):
-    """Return a function that calls a service without arguments and returns its answer."""
-    from std_srvs.srv import Trigger
+def ask(witness):
+    """Return a function that calls a service and returns its answer."""
 
-    return lambda service: ask(witness, Trigger, service, Trigger.Request())
+    def call(kind, service, **fields):
+        client = witness.node.create_client(kind, service)
+        witness.spin_until(client.service_is_ready, SECONDS)
+        future = client.call_async(kind.Request(**fields))
+        witness.spin_until(future.done, SECONDS)
+        return future.result()
+
+    return call
 
 
 @pytest.fixture(scope='session')

@@ -81,6 +81,11 @@ def cli() -> None:
     show_default=True,
     help='How deep a minimum of the density must be to split there.',
 )
+@click.option(
+    '--full-conditions',
+    is_flag=True,
+    help='Write rules with all bounds above them, as the paper does, not only those they need.',
+)
 @click.option('--seed', default=0, show_default=True, help='Chooses the held-out episodes.')
 @click.option('--overwrite', is_flag=True, help='Replace a file with edited rules (keeps .bak).')
 @_JSON
@@ -93,6 +98,7 @@ def learn(
     contamination: float,
     gamma: float,
     alpha: float,
+    full_conditions: bool,
     seed: int,
     overwrite: bool,
     as_json: bool,
@@ -107,7 +113,12 @@ def learn(
     from occ_constraints_pkg.rules.constraints_file import save_learned
 
     settings = OCTreeSettings(
-        max_depth=depth, clip=clip, contamination=contamination, gamma=gamma, alpha=alpha
+        max_depth=depth,
+        clip=clip,
+        contamination=contamination,
+        gamma=gamma,
+        alpha=alpha,
+        full_conditions=full_conditions,
     )
     with _progress('reading') as progress:
         constraints = learn_from_recordings(

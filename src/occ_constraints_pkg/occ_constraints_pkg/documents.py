@@ -18,6 +18,7 @@ from jsonschema.exceptions import best_match
 from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.events import AliasEvent
+from ruamel.yaml.representer import SafeRepresenter
 
 from occ_constraints_pkg.errors import OccError
 
@@ -151,8 +152,20 @@ def _dump(plain: Any, *, allow_unicode: bool) -> str:
     return stream.getvalue()
 
 
+class _Representer(SafeRepresenter):
+    """Quotes text that the dumper would leave bare where it means something else."""
+
+    def represent_str(self, data: str) -> Any:
+        style = "'" if data[:1] in ('?', ':') else None
+        return self.represent_scalar('tag:yaml.org,2002:str', data, style=style)
+
+
+_Representer.add_representer(str, _Representer.represent_str)
+
+
 def _yaml() -> YAML:
     yaml = YAML(typ='safe', pure=True)
+    yaml.Representer = _Representer
     yaml.default_flow_style = None
     yaml.sort_base_mapping_type_on_output = False
     yaml.width = 100

@@ -12,7 +12,14 @@ _SECONDS = 300.0
 
 
 def record_drives(
-    bag: Path, logs: Path, domain: int, *, world: str, driver: str, robots: int, episodes: int,
+    bag: Path,
+    logs: Path,
+    domain: int,
+    *,
+    world: str,
+    driver: str,
+    robots: int,
+    episodes: int,
     seed: int = 0,
 ) -> None:
     """Record episodes of a driver to a new bag.

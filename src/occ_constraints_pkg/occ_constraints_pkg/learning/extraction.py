@@ -65,7 +65,10 @@ def extract_rules(
         for feature, (low, high) in enumerate(demonstrated)
         for operator, bound in (('<', low), ('>', high))
     ]
-    conjunctions += _outside(root, {}, full_conditions)
+    conjunctions += [
+        tuple(literal for literal in item if not _is_vacuous(literal, space))
+        for item in _outside(root, {}, full_conditions)
+    ]
     conjunctions = [item for item in conjunctions if _is_satisfiable(item, space)]
     conjunctions = _without_contained(conjunctions)
     conjunctions.sort(key=len)
@@ -128,6 +131,13 @@ def _is_satisfiable(literals: tuple[Literal, ...], space: FeatureSpace) -> bool:
         for literal in literals
         if literal.operator in ('<', '>')
     )
+
+
+def _is_vacuous(literal: Literal, space: FeatureSpace) -> bool:
+    """Tell whether every value within the physical bounds makes the literal true."""
+    if literal.operator == '>=':
+        return literal.bound <= space.lows[literal.feature]
+    return literal.operator == '<=' and literal.bound >= space.highs[literal.feature]
 
 
 def _without_contained(conjunctions: list[tuple[Literal, ...]]) -> list[tuple[Literal, ...]]:

@@ -68,7 +68,7 @@ class Monitor(OccNode):
         self._enabled = self.parameter('enabled', True, 'judge from the start; see ~/enable')
 
         self._constraints: Constraints | None = None
-        self._received = ''
+        self._received: str | None = None
         self._counts: RuleCounts | None = None
         self._extractor: FeatureExtractor | None = None
         self._topics: MappedTopics | None = None
@@ -135,6 +135,8 @@ class Monitor(OccNode):
         self.get_logger().info(
             f'{len(rule_set.order)} enabled rules from {where}, rule set {rule_set.fingerprint}'
         )
+        if not len(rule_set.order):
+            self.get_logger().warning(f'{where} enables no rule, so nothing will be a violation')
 
     def _on_input(self, topic: str, message: Any) -> None:
         now = self.get_clock().now().nanoseconds
@@ -177,8 +179,11 @@ class Monitor(OccNode):
             return
         if self.steady_seconds() - self._heard > self._timeout:
             self._is_stale = True
-            reason = self._topics.problem() or f'no input for {self._timeout:g} s'
-            self._say_unknown(reason, self._stamp_ns)
+            self._say_stale()
+
+    def _say_stale(self) -> None:
+        reason = self._topics.problem() or f'no input for {self._timeout:g} s'
+        self._say_unknown(reason, self._stamp_ns)
 
     def _say_unknown(self, reason: str, stamp_ns: int) -> None:
         self._problem, self._stamp_ns = reason, stamp_ns
@@ -186,6 +191,9 @@ class Monitor(OccNode):
         self._violation.publish(unknown_message(reason, stamp_ns))
 
     def _report(self) -> None:
+        if self._is_stale:
+            # Again, for whoever has come since.
+            self._say_stale()
         now = self.get_clock().now().nanoseconds
         values: dict[str, object] = {
             'enabled': self._enabled,

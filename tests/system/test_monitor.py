@@ -1,0 +1,301 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""The monitor under bad input: what cannot be judged is UNKNOWN, and the node lives on."""
+
+import time
+
+import numpy as np
+import pytest
+from occ_constraints_pkg.bags.feature_map import FeatureMap
+from occ_constraints_pkg.bags.table import Table
+from occ_constraints_pkg.rules import Literal, Rule, RuleSet, Verdict
+from occ_constraints_pkg.rules.constraints_file import Constraints
+
+COLUMNS = ('x', 'y', 'reward', 'terminated', 'truncated', 'episode', 'true_cost')
+SAFE, UNSAFE = (0.8, 0.2), (0.2, 0.8)
+STALE = b'\x03'
+
+
+class Robot:
+    """Publishes observations as a simulation would, and listens to the monitor."""
+
+    def __init__(self, witness):
+        from diagnostic_msgs.msg import DiagnosticArray
+        from occ_constraints_pkg.ros.qos import LATCHED, STEPS
+        from sensor_msgs.msg import PointCloud2
+        from std_msgs.msg import Float64, String
+
+        self.witness = witness
+        self.costs, self.cost, self.violations, self.rule_stats = [], [], [], []
+        self.publisher = witness.node.create_publisher(PointCloud2, 'observation', STEPS)
+        self.constraints = witness.node.create_publisher(String, 'constraints', LATCHED)
+        for kind, topic, heard in (
+            (PointCloud2, 'costs', self.costs),
+            (Float64, 'cost', self.cost),
+            (DiagnosticArray, 'violation', self.violations),
+            (PointCloud2, 'rule_stats', self.rule_stats),
+        ):
+            witness.node.create_subscription(kind, topic, heard.append, STEPS)
+        self.stamp = 10**18
+
+    def wait_for_monitor(self):
+        self.witness.wait_for_monitor(2)
+        # The witness itself listens as well.
+        self.until(lambda: self.publisher.get_subscription_count() >= 2)
+
+    def until(self, condition, seconds=10.0):
+        self.witness.spin_until(condition, seconds)
+
+    def message(self, *rows, columns=COLUMNS):
+        from occ_constraints_pkg.ros.messages import table_message
+
+        values = np.zeros((len(rows), len(columns)), dtype=np.float32)
+        if rows:
+            values[:, : len(rows[0])] = rows
+        self.stamp += 10**8
+        return table_message(Table(columns, values), self.stamp, 'simple_nav')
+
+    def send(self, message):
+        """Publish and return the answers: one each of costs (or None), cost and violation."""
+        before = len(self.costs), len(self.cost), len(self.violations)
+        self.publisher.publish(message)
+        self.until(lambda: len(self.violations) > before[2] and len(self.cost) > before[1])
+        costs = Table.from_message(self.costs[-1]) if len(self.costs) > before[0] else None
+        return costs, self.cost[-1].data, self.violations[-1]
+
+    def is_safe(self):
+        costs, cost, _ = self.send(self.message(SAFE))
+        return costs.column('verdict')[0] == Verdict.SAFE and cost == 0.0
+
+
+@pytest.fixture
+def robot(witness):
+    return Robot(witness)
+
+
+@pytest.fixture
+def monitor(nodes, robot, rules_of):
+    rules = nodes.folder / 'rules.yaml'
+    rules_of['simple_nav'].save(rules)
+    process = nodes.start('monitor', constraints_file=rules, timeout=0.5)
+    robot.wait_for_monitor()
+    return process
+
+
+def stamp_of(message):
+    return message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+
+
+def test_numbers_that_are_none_are_unknown_and_cost(monitor, robot):
+    for bad in (np.nan, np.inf, -np.inf, 1.5):
+        costs, cost, violation = robot.send(robot.message((0.8, bad), SAFE, UNSAFE))
+        verdicts = [Verdict.UNKNOWN, Verdict.SAFE, Verdict.VIOLATED]
+        assert costs.column('verdict').tolist() == verdicts
+        assert costs.column('cost').tolist() == [1.0, 0.0, 1.0]
+        assert np.isnan(costs.column('margin')[0])
+        assert costs.column('rule').tolist() == [-1.0, -1.0, 1.0]
+        assert cost == 1.0
+        assert violation.status[0].level == STALE
+        assert violation.status[0].message.startswith('UNKNOWN: y ')
+        assert stamp_of(violation) == robot.stamp
+    assert robot.is_safe()
+
+
+def test_input_that_cannot_be_read_is_unknown_and_the_next_is_judged(monitor, robot):
+    truncated = robot.message(SAFE)
+    truncated.data = truncated.data[:-1]
+    integers = robot.message(SAFE)
+    number = type(integers.fields[1])(name='y', offset=4, datatype=5, count=1)
+    integers.fields = [integers.fields[0], number, *integers.fields[2:]]
+    broken = {
+        'asks for column': robot.message((0.8,), columns=('x', *COLUMNS[2:])),
+        'holds only': truncated,
+        'is not a table': integers,
+        'without rows': robot.message(),
+    }
+    for reason, message in broken.items():
+        costs, cost, violation = robot.send(message)
+        assert (costs, cost) == (None, 1.0)
+        assert len(violation.status) == 1
+        assert violation.status[0].level == STALE
+        assert violation.status[0].message.startswith('UNKNOWN: ')
+        assert reason in violation.status[0].message
+        assert stamp_of(violation) == stamp_of(message)
+        assert robot.is_safe()
+    assert monitor.is_running
+
+
+def test_silence_is_unknown_again_and_again_until_the_next_input(monitor, robot):
+    assert robot.is_safe()
+    before = len(robot.cost)
+    began = time.monotonic()
+    robot.until(lambda: len(robot.cost) > before)
+    assert 0.3 < time.monotonic() - began < 2.0
+    robot.until(lambda: time.monotonic() - began > 2.5)
+    assert {message.data for message in robot.cost[before:]} == {1.0}
+    assert 2 <= len(robot.cost) - before <= 4
+    status = robot.violations[-1].status[0]
+    assert (status.level, status.message) == (STALE, 'UNKNOWN: no input for 0.5 s')
+    assert stamp_of(robot.violations[-1]) == robot.stamp
+    assert robot.is_safe()
+
+
+def test_a_topic_of_another_type_is_unknown_and_named(nodes, witness, rules_of):
+    import rclpy
+    from diagnostic_msgs.msg import DiagnosticArray
+    from std_msgs.msg import String
+
+    rules = nodes.folder / 'rules.yaml'
+    rules_of['simple_nav'].save(rules)
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=nodes.domain)
+    other = rclpy.create_node('other', context=context)
+    publisher = other.create_publisher(String, 'observation', 10)
+    try:
+        process = nodes.start('monitor', constraints_file=rules, timeout=0.5)
+        heard = []
+        witness.node.create_subscription(DiagnosticArray, 'violation', heard.append, 10)
+        expected = (
+            'UNKNOWN: observation is published as std_msgs/msg/String; allowed is '
+            'sensor_msgs/msg/PointCloud2'
+        )
+
+        def told():
+            publisher.publish(String(data='x'))
+            return heard and heard[-1].status[0].message == expected
+
+        witness.spin_until(told, 20.0)
+        assert process.is_running
+    finally:
+        other.destroy_node()
+        rclpy.shutdown(context=context)
+
+
+def test_bad_constraints_are_refused_and_new_ones_used_at_once(monitor, robot, rules_of):
+    from std_msgs.msg import String
+
+    good = rules_of['simple_nav']
+    texts = ['', '{', 'schema_version: 1', good.dumps().replace('operator', 'operatr')]
+    plain = Constraints(good.rule_set)
+    for number, text in enumerate((*texts, plain.dumps()), start=1):
+        robot.constraints.publish(String(data=text))
+        robot.until(lambda n=number: monitor.log.read_text().count('rule set refused') == n)
+    assert robot.is_safe()
+    assert robot.send(robot.message(UNSAFE))[1] == 1.0
+
+    space = good.rule_set.space
+    inverse = RuleSet(space, (Rule('only', (Literal(0, '>', 0.5),)),), good.rule_set.demonstrated)
+    robot.constraints.publish(String(data=good.with_rule_set(inverse).dumps()))
+    robot.until(lambda: '1 enabled rules' in monitor.log.read_text())
+    assert robot.send(robot.message(UNSAFE))[1] == 0.0
+    costs, cost, violation = robot.send(robot.message(SAFE))
+    assert cost == 1.0
+    assert violation.status[1].name == 'monitor: rule only'
+
+
+def test_no_input_is_missed_while_rules_change(monitor, robot, rules_of):
+    from std_msgs.msg import String
+
+    good = rules_of['simple_nav']
+    other_map = dict(good.feature_map, max_age=0.25)
+    fewer = good.with_rule_set(
+        RuleSet(good.rule_set.space, good.rule_set.rules[1:], good.rule_set.demonstrated)
+    )
+    moved = Constraints(good.rule_set, other_map)
+    assert robot.is_safe()
+    before, sent = len(robot.costs), []
+    for step in range(200):
+        robot.publisher.publish(robot.message(SAFE, UNSAFE))
+        sent.append(robot.stamp)
+        if step % 10 == 0:
+            # The same topics under both rule sets; another feature map comes only at the end.
+            robot.constraints.publish(String(data=(fewer, good)[step // 10 % 2].dumps()))
+        # A few under way at any time, fewer than the topics hold.
+        robot.until(lambda least=before + step - 20: len(robot.costs) >= least)
+    robot.until(lambda: len(robot.costs) >= before + 200)
+    assert [stamp_of(message) for message in robot.costs[before:]] == sent
+    for message in robot.costs[before:]:
+        assert Table.from_message(message).column('cost').tolist() == [0.0, 1.0]
+    robot.constraints.publish(String(data=moved.dumps()))
+    robot.until(lambda: monitor.log.read_text().count('2 enabled rules') >= 3)
+    # The new subscription has to be found first; until then all that comes is UNKNOWN.
+    robot.until(lambda: robot.send(robot.message(SAFE))[0] is not None)
+    assert robot.is_safe()
+
+
+def test_counters_survive_the_same_rules_and_a_repeat_counts_once(monitor, robot, rules_of, ask):
+    from std_msgs.msg import String
+    from std_srvs.srv import Trigger
+
+    text = rules_of['simple_nav'].with_rule_set(
+        RuleSet(
+            rules_of['simple_nav'].rule_set.space,
+            rules_of['simple_nav'].rule_set.rules[1:],
+            rules_of['simple_nav'].rule_set.demonstrated,
+        )
+    )
+    robot.constraints.publish(String(data=text.dumps()))
+    robot.until(lambda: '1 enabled rules' in monitor.log.read_text())
+    message = robot.message(SAFE, UNSAFE, UNSAFE)
+    for _ in range(4):
+        first = robot.send(message)[0]
+        assert first.column('cost').tolist() == [0.0, 1.0, 1.0]
+    robot.constraints.publish(String(data=text.dumps()))
+    robot.send(robot.message(SAFE))
+
+    def counts():
+        return Table.from_message(robot.rule_stats[-1]).values.tolist() if robot.rule_stats else []
+
+    robot.until(lambda: counts() == [[4.0, 2.0]])
+    assert ask(Trigger, 'monitor/reset_stats').success
+    robot.until(lambda: counts() == [[0.0, 0.0]])
+
+
+def test_a_disabled_monitor_says_unknown_and_judges_what_is_repeated_afterwards(
+    monitor, robot, ask
+):
+    from std_srvs.srv import SetBool
+
+    assert robot.is_safe()
+    assert ask(SetBool, 'monitor/enable', data=False).success
+    message = robot.message(UNSAFE)
+    costs, cost, violation = robot.send(message)
+    assert (costs, cost) == (None, 1.0)
+    assert violation.status[0].message == 'UNKNOWN: the monitor is disabled'
+    assert ask(SetBool, 'monitor/enable', data=True).success
+    costs, cost, violation = robot.send(message)
+    assert costs.column('verdict').tolist() == [Verdict.VIOLATED]
+    assert stamp_of(robot.costs[-1]) == stamp_of(violation) == stamp_of(message)
+
+
+def test_typed_messages_of_a_best_effort_publisher_are_judged(nodes, robot):
+    from nav_msgs.msg import Odometry
+    from occ_constraints_pkg.ros.messages import to_time
+    from occ_constraints_pkg.ros.qos import SENSORS
+
+    document = {
+        'schema_version': 1,
+        'pace': 'odom',
+        'max_age': 0.5,
+        'features': [
+            {'name': 'v_x', 'topic': 'odom', 'field': 'twist.twist.linear.x', 'unit': 'm/s'},
+            {'name': 'v_y', 'topic': 'odom', 'field': 'twist.twist.linear.y', 'unit': 'm/s'},
+        ],
+    }
+    space = FeatureMap.from_document(document, '').space
+    rules = RuleSet(space, (Rule('fast', (Literal(0, '>', 1.0),)),), np.array([[0.0, 1.0]] * 2))
+    Constraints(rules, document).save(nodes.folder / 'rules.yaml')
+    nodes.start('monitor', constraints_file=nodes.folder / 'rules.yaml', timeout=0.5)
+    robot.witness.wait_for_monitor(2)
+    publisher = robot.witness.node.create_publisher(Odometry, 'odom', SENSORS)
+    robot.until(lambda: publisher.get_subscription_count() == 1)
+    for speed, verdict in ((0.5, Verdict.SAFE), (1.5, Verdict.VIOLATED), (np.nan, 2)):
+        message = Odometry()
+        robot.stamp += 10**8
+        message.header.stamp = to_time(robot.stamp)
+        message.twist.twist.linear.x = speed
+        before = len(robot.costs)
+        publisher.publish(message)
+        robot.until(lambda count=before: len(robot.costs) > count)
+        assert Table.from_message(robot.costs[-1]).column('verdict').tolist() == [verdict]
+        assert stamp_of(robot.costs[-1]) == robot.stamp

@@ -3,6 +3,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Record the small bags in bags/ anew: .venv/bin/python scripts/make_bags.py [directory]."""
 
+import shutil
 import sys
 import tempfile
 from pathlib import Path
@@ -12,7 +13,7 @@ from occ_constraints_pkg.experiments.processes import private_domain
 
 # name: world, driver, robots, episodes of each robot
 BAGS = {
-    'simple_nav_expert': ('simple_nav', 'expert', 10, 10),
+    'simple_nav_expert': ('simple_nav', 'expert', 10, 20),
     'simple_nav_straight': ('simple_nav', 'straight', 10, 20),
     'point_goal_expert': ('PointGoal1', 'expert', 10, 1),
     'point_goal_straight': ('PointGoal1', 'straightv', 5, 1),
@@ -23,19 +24,22 @@ def main() -> None:
     """Record every bag that is not there yet."""
     target = Path(sys.argv[1] if len(sys.argv) > 1 else 'bags')
     for name, (world, driver, robots, episodes) in BAGS.items():
-        if (target / name).exists():
+        if (target / name / 'metadata.yaml').exists():
             print(f'{target / name} is there already')
             continue
-        with tempfile.TemporaryDirectory() as logs:
+        with tempfile.TemporaryDirectory() as directory:
+            recorded = Path(directory) / name
             record_drives(
-                target / name,
-                Path(logs),
+                recorded,
+                Path(directory) / 'logs',
                 private_domain(),
                 world=world,
                 driver=driver,
                 robots=robots,
                 episodes=episodes,
             )
+            # Beside the README, which a new bag's directory cannot have yet.
+            shutil.copytree(recorded, target / name, dirs_exist_ok=True)
         print(f'{target / name} recorded')
 
 

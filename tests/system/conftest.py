@@ -137,6 +137,14 @@ def ask(witness):
     return call
 
 
+@pytest.fixture
+def trigger(ask):
+    """Return a function that calls a service without arguments and returns its answer."""
+    from std_srvs.srv import Trigger
+
+    return lambda service: ask(Trigger, service)
+
+
 @pytest.fixture(scope='session')
 def small_bag(tmp_path_factory) -> Path:
     """Return a bag with observations of simple_nav, written without ROS."""

@@ -16,7 +16,7 @@ import click
 import numpy as np
 
 import occ_constraints_pkg
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import OccError, import_needed
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 
 _FEATURE_MAP_HELP = 'Feature map: a YAML file, or a built-in name such as PointGoal1.'
@@ -151,7 +151,8 @@ def describe_rules(constraints: Any, *, counters: bool = False) -> str:
     """Return the rules of a constraints file as text, one line each."""
     rule_set = constraints.rule_set
     enabled = len(rule_set.order)
-    lines = [f'{enabled} rules; each describes a violation:']
+    head = '1 rule; it describes' if enabled == 1 else f'{enabled} rules; each describes'
+    lines = [f'{head} a violation:']
     for rule in sorted(rule_set.rules, key=lambda rule: (not rule.enabled, len(rule.literals))):
         line = f'  {rule.id:<9} {rule.words(rule_set.space)}'
         if counters and rule.evaluated:
@@ -198,8 +199,14 @@ def show(constraints: str, as_json: bool) -> None:
 @cli.command()
 @click.argument('bags', nargs=-1, required=True, type=click.Path())
 @click.option('-c', '--constraints', required=True, type=click.Path(), help='Constraints file.')
+@click.option(
+    '--count',
+    'counted',
+    type=click.Path(),
+    help='Write the constraints file with counters of these recordings, for `occ prune`.',
+)
 @_JSON
-def check(bags: tuple[str, ...], constraints: str, as_json: bool) -> int:
+def check(bags: tuple[str, ...], constraints: str, counted: str | None, as_json: bool) -> int:
     """Judge recordings by a constraints file; exit code 1 when any sample is not SAFE.
 
     \b
@@ -222,6 +229,8 @@ def check(bags: tuple[str, ...], constraints: str, as_json: bool) -> int:
     judgement = rule_set.judge(data.values)
     counts = RuleCounts(rule_set)
     counts.add(judgement)
+    if counted:
+        loaded.with_rule_set(rule_set.with_counts(counts)).save(counted)
     shares = {verdict.name: float(np.mean(judgement.verdict == verdict)) for verdict in Verdict}
     broken = [
         {'id': rule.id, 'text': rule.words(rule_set.space), 'violated': int(violated)}
@@ -322,7 +331,7 @@ def train(
     from occ_constraints_pkg.rules.constraints_file import load_constraints
     from occ_constraints_pkg.worlds.registry import make_world
 
-    ppo = _needs_train_extra()
+    ppo = import_needed('occ train', 'occ_constraints_pkg.agents.ppo_lagrangian')
     config = ppo.PPOLagrangianConfig(cost_limit=cost_limit, lagrangian=cost != 'none')
     simulated = make_world(world, robots)
     constraints = None
@@ -459,8 +468,9 @@ def demo(output: str, train_seconds: float) -> int:
     \b
     Example: occ demo
     """
-    from occ_constraints_pkg.experiments.demo import run_demo
-
+    # The page is needed at the end only, but a missing module must show now.
+    import_needed('occ demo', 'occ_constraints_pkg.report.demo_page')
+    run_demo = import_needed('occ demo', 'occ_constraints_pkg.experiments.demo').run_demo
     return run_demo(Path(output), train_seconds=train_seconds)
 
 
@@ -474,8 +484,7 @@ def bench(name: str, seconds: float, as_json: bool) -> None:
     \b
     Example: occ bench loop --json
     """
-    from occ_constraints_pkg.experiments.bench import bench_loop
-
+    bench_loop = import_needed('occ bench', 'occ_constraints_pkg.experiments.bench').bench_loop
     result = bench_loop(seconds)
     if as_json:
         _print_json(result)
@@ -483,18 +492,6 @@ def bench(name: str, seconds: float, as_json: bool) -> None:
     for part in ('metrics', 'peers'):
         for key, value in result[part].items():
             click.echo(f'{key}: {value:.4g}')
-
-
-def _needs_train_extra() -> Any:
-    try:
-        from occ_constraints_pkg.agents import ppo_lagrangian
-    except ModuleNotFoundError as error:
-        if error.name != 'torch':
-            raise
-        raise OccError(
-            "training needs the extra 'train': pip install 'occ_constraints_pkg[train]'"
-        ) from error
-    return ppo_lagrangian
 
 
 def _parameters(**values: Any) -> list[str]:

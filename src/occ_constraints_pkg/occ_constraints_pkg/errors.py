@@ -2,6 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The one exception for mistakes that a user can mend."""
 
+from importlib import import_module
+from typing import Any
+
 # Top-level module -> the extra that brings it with pip. ROS packages have many more names, all
 # of which mean the extra 'ros'.
 _EXTRAS = {
@@ -21,23 +24,27 @@ class OccError(Exception):
     """
 
 
-def missing_extra(what: str, error: ModuleNotFoundError) -> OccError:
-    """Return the sentence that tells which extra brings a module that is not installed.
+def import_needed(what: str, module: str) -> Any:
+    """Import a module of ours that needs an extra.
 
     Args:
-        what: who needs it, for example ``node 'monitor'``.
-        error: what the import raised.
+        what: who needs it, for the message.
+        module: its full name.
 
     Raises:
-        ModuleNotFoundError: ``error`` itself, when no extra brings the module: then the
-            installation is damaged or the code wrong, and a user cannot mend it.
+        OccError: something it imports is not installed; the sentence names the extra with it.
     """
-    module = (error.name or '').partition('.')[0]
-    extra = _EXTRAS.get(module, 'ros' if module.endswith(('_msgs', '_srvs', '_interfaces')) else '')
-    if not extra:
-        raise error
-    hint = ', or source the ROS 2 setup file' if extra == 'ros' else ''
-    return OccError(
-        f'{what} needs the module {module!r}, which is not installed: '
-        f"pip install 'occ_constraints_pkg[{extra}]'{hint}"
-    )
+    try:
+        return import_module(module)
+    except ModuleNotFoundError as error:
+        missing = (error.name or '').partition('.')[0]
+        is_ros = missing.endswith(('_msgs', '_srvs', '_interfaces'))
+        extra = _EXTRAS.get(missing, 'ros' if is_ros else '')
+        if not extra:
+            # The installation is damaged or the code wrong, which a user cannot mend.
+            raise
+        hint = ', or source the ROS 2 setup file' if extra == 'ros' else ''
+        raise OccError(
+            f'{what} needs the module {missing!r}, which is not installed: '
+            f"pip install 'occ_constraints_pkg[{extra}]'{hint}"
+        ) from error

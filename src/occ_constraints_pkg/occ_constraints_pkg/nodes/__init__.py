@@ -6,10 +6,9 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from importlib import import_module
 
 from occ_constraints_pkg.documents import did_you_mean
-from occ_constraints_pkg.errors import OccError, missing_extra
+from occ_constraints_pkg.errors import OccError, import_needed
 from occ_constraints_pkg.stopping import stop_request
 
 NODES = ('sim', 'policy', 'recorder', 'player', 'tree_learner', 'monitor', 'constrained_learner')
@@ -43,7 +42,4 @@ def node_main(name: str) -> Callable[[list[str] | None], int]:
     if name not in NODES:
         hint = did_you_mean(name, NODES) or ';'
         raise OccError(f'there is no node {name!r}{hint} the nodes are {", ".join(NODES)}')
-    try:
-        return import_module(f'{__name__}.{name}').main
-    except ModuleNotFoundError as error:
-        raise missing_extra(f'node {name!r}', error) from error
+    return import_needed(f'node {name!r}', f'{__name__}.{name}').main

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
+from occ_constraints_pkg.bags.definitions import find_definition
 from occ_constraints_pkg.bags.qos import from_profile
 from occ_constraints_pkg.bags.writer import BagWriter
 from occ_constraints_pkg.errors import OccError
@@ -94,6 +95,8 @@ class Recorder(OccNode):
         except OccError as error:
             self.get_logger().warning(f'topic {topic} is not recorded: {error}')
             return
+        # Kept once found. The first look-up takes half a second, in which messages would pile up.
+        find_definition(known.msgtype)
         entries = [from_profile(item) for item in offered]
 
         def write(data: bytes) -> None:

@@ -4,10 +4,8 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-
 from occ_constraints_pkg.documents import did_you_mean
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import OccError, import_needed
 from occ_constraints_pkg.worlds.base import World
 
 
@@ -41,15 +39,8 @@ def world_class(name: str) -> type[World]:
         hint = did_you_mean(name, WORLDS) or ';'
         raise OccError(f'there is no world {name!r}{hint} the worlds are {", ".join(WORLDS)}')
     module, class_name = _CLASSES[name]
-    try:
-        # Imported late: MuJoCo is an extra that a robot which only monitors does without.
-        return getattr(import_module(f'{__package__}.{module}'), class_name)
-    except ModuleNotFoundError as error:
-        if error.name != 'mujoco':
-            raise
-        raise OccError(
-            f"world {name} needs the extra 'train': pip install 'occ_constraints_pkg[train]'"
-        ) from error
+    # Imported late: MuJoCo is an extra that a robot which only monitors does without.
+    return getattr(import_needed(f'world {name}', f'{__package__}.{module}'), class_name)
 
 
 _CLASSES = {

@@ -1,0 +1,49 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Recorder and player where publishers of one topic offer different qualities of service."""
+
+from occ_constraints_pkg.bags.recording import Recording
+
+
+def test_publishers_that_offer_different_qualities_are_recorded_and_played(nodes, witness):
+    from occ_constraints_pkg.ros.qos import LATCHED, SENSORS
+    from std_msgs.msg import String
+
+    bag = nodes.folder / 'bag'
+    latched = witness.node.create_publisher(String, 'mixed', LATCHED)
+    latched.publish(String(data='before the recorder'))
+    recorder = nodes.start('recorder', output=bag, topics=['mixed', 'never'])
+    # Its own metadata tell that the topic's first message is safely there.
+    witness.spin_until(lambda: recorded(bag) >= 1, 20.0)
+    modest = witness.node.create_publisher(String, 'mixed', SENSORS)
+    witness.spin_until(lambda: modest.get_subscription_count() == 1, 10.0)
+    witness.spin_until(lambda: latched.get_subscription_count() == 1, 10.0)
+    modest.publish(String(data='modest'))
+    latched.publish(String(data='reliable'))
+    witness.spin_until(lambda: recorded(bag) >= 3, 20.0)
+    nodes.stop(recorder)
+    expected = ['before the recorder', 'modest', 'reliable']
+    assert texts(bag) == expected
+
+    # A late subscriber that asks for the most gets what was latched.
+    player = nodes.start('player', bag=bag, rate=100.0, wait_for_subscribers=1)
+    heard = []
+    witness.node.create_subscription(
+        String, 'mixed', lambda message: heard.append(message.data), LATCHED
+    )
+    witness.spin_until(lambda: not player.is_running and len(heard) >= 1, 20.0)
+    player.wait(0.0)
+    assert heard[-1] == expected[-1]
+
+
+def recorded(bag):
+    """Return how many messages have reached the file so far."""
+    try:
+        return Recording(bag).message_count
+    except Exception:
+        return 0
+
+
+def texts(bag):
+    recording = Recording(bag)
+    return [recording.decode(message).data for message in recording.messages(['mixed'])]

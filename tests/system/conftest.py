@@ -18,7 +18,6 @@ from occ_constraints_pkg.rules.constraints_file import Constraints
 
 # Domains above 101 use ports that Linux also hands out by itself.
 _DOMAINS = (1 + number % 101 for number in itertools.count(os.getpid()))
-SECONDS = 30.0
 
 
 class Nodes:
@@ -124,25 +123,11 @@ def rules_of():
 
 
 @pytest.fixture
-def ask(witness):
-    """Return a function that calls a service and returns its answer."""
-
-    def call(kind, service, **fields):
-        client = witness.node.create_client(kind, service)
-        witness.spin_until(client.service_is_ready, SECONDS)
-        future = client.call_async(kind.Request(**fields))
-        witness.spin_until(future.done, SECONDS)
-        return future.result()
-
-    return call
-
-
-@pytest.fixture
-def trigger(ask):
+def trigger(witness):
     """Return a function that calls a service without arguments and returns its answer."""
     from std_srvs.srv import Trigger
 
-    return lambda service: ask(Trigger, service)
+    return lambda service: witness.call(Trigger, service)
 
 
 @pytest.fixture(scope='session')

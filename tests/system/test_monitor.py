@@ -67,26 +67,53 @@ class Robot:
         costs, cost, _ = self.send(self.message(SAFE))
         return costs.column('verdict')[0] == Verdict.SAFE and cost == 0.0
 
+    def use(self, text):
+        """Publish other constraints than before and wait until the monitor has seen them."""
+        from std_msgs.msg import String
+
+        before = self.said()
+        self.constraints.publish(String(data=text))
+        self.until(lambda: self.said() > before)
+
+    def said(self):
+        text = self.monitor.log.read_text()
+        return text.count('enabled rules') + text.count('rule set refused')
+
+    def start_monitor(self, nodes, rules, **parameters):
+        file = nodes.folder / 'rules.yaml'
+        rules.save(file)
+        self.monitor = nodes.start('monitor', constraints_file=file, **parameters)
+        self.wait_for_monitor()
+
+
+@pytest.fixture(scope='module')
+def shared(make_nodes, rules_of):
+    """Return a robot with a monitor that several tests use, one after the other."""
+    from occ_constraints_pkg.experiments.witness import Witness
+
+    nodes = make_nodes()
+    with Witness(nodes.domain) as witness:
+        robot = Robot(witness)
+        # No test is so slow that its silence would be noticed.
+        robot.start_monitor(nodes, rules_of['simple_nav'], timeout=100.0)
+        yield robot
+        nodes.stop()
+
 
 @pytest.fixture
-def robot(witness):
-    return Robot(witness)
-
-
-@pytest.fixture
-def monitor(nodes, robot, rules_of):
-    rules = nodes.folder / 'rules.yaml'
-    rules_of['simple_nav'].save(rules)
-    process = nodes.start('monitor', constraints_file=rules, timeout=0.5)
-    robot.wait_for_monitor()
-    return process
+def robot(shared, rules_of):
+    """Return that robot; afterwards its monitor must be alive and have its first rules again."""
+    yield shared
+    assert shared.monitor.is_running
+    shared.use(rules_of['simple_nav'].dumps() + f'# {shared.stamp}')
+    assert shared.is_safe()
 
 
 def stamp_of(message):
     return message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
 
 
-def test_numbers_that_are_none_are_unknown_and_cost(monitor, robot):
+def test_numbers_that_are_none_are_unknown_and_cost(robot):
     for bad in (np.nan, np.inf, -np.inf, 1.5):
         costs, cost, violation = robot.send(robot.message((0.8, bad), SAFE, UNSAFE))
         verdicts = [Verdict.UNKNOWN, Verdict.SAFE, Verdict.VIOLATED]
@@ -101,7 +128,7 @@ def test_numbers_that_are_none_are_unknown_and_cost(monitor, robot):
     assert robot.is_safe()
 
 
-def test_input_that_cannot_be_read_is_unknown_and_the_next_is_judged(monitor, robot):
+def test_input_that_cannot_be_read_is_unknown_and_the_next_is_judged(robot):
     truncated = robot.message(SAFE)
     truncated.data = truncated.data[:-1]
     integers = robot.message(SAFE)
@@ -122,10 +149,11 @@ def test_input_that_cannot_be_read_is_unknown_and_the_next_is_judged(monitor, ro
         assert reason in violation.status[0].message
         assert stamp_of(violation) == stamp_of(message)
         assert robot.is_safe()
-    assert monitor.is_running
 
 
-def test_silence_is_unknown_again_and_again_until_the_next_input(monitor, robot):
+def test_silence_is_unknown_again_and_again_until_the_next_input(nodes, witness, rules_of):
+    robot = Robot(witness)
+    robot.start_monitor(nodes, rules_of['simple_nav'], timeout=0.5)
     assert robot.is_safe()
     before = len(robot.cost)
     began = time.monotonic()
@@ -171,104 +199,102 @@ def test_a_topic_of_another_type_is_unknown_and_named(nodes, witness, rules_of):
         rclpy.shutdown(context=context)
 
 
-def test_bad_constraints_are_refused_and_new_ones_used_at_once(monitor, robot, rules_of):
-    from std_msgs.msg import String
-
+def test_bad_constraints_are_refused_and_new_ones_used_at_once(robot, rules_of):
     good = rules_of['simple_nav']
-    texts = ['', '{', 'schema_version: 1', good.dumps().replace('operator', 'operatr')]
-    plain = Constraints(good.rule_set)
-    for number, text in enumerate((*texts, plain.dumps()), start=1):
-        robot.constraints.publish(String(data=text))
-        robot.until(lambda n=number: monitor.log.read_text().count('rule set refused') == n)
+    typo = good.dumps().replace('operator', 'operatr')
+    for text in ('', '{', 'schema_version: 1', typo, Constraints(good.rule_set).dumps()):
+        refused = robot.monitor.log.read_text().count('rule set refused')
+        robot.use(text)
+        assert robot.monitor.log.read_text().count('rule set refused') == refused + 1
     assert robot.is_safe()
     assert robot.send(robot.message(UNSAFE))[1] == 1.0
 
     space = good.rule_set.space
     inverse = RuleSet(space, (Rule('only', (Literal(0, '>', 0.5),)),), good.rule_set.demonstrated)
-    robot.constraints.publish(String(data=good.with_rule_set(inverse).dumps()))
-    robot.until(lambda: '1 enabled rules' in monitor.log.read_text())
+    robot.use(good.with_rule_set(inverse).dumps())
     assert robot.send(robot.message(UNSAFE))[1] == 0.0
     costs, cost, violation = robot.send(robot.message(SAFE))
     assert cost == 1.0
     assert violation.status[1].name == 'monitor: rule only'
 
 
-def test_no_input_is_missed_while_rules_change(monitor, robot, rules_of):
+def one_rule(constraints):
+    """Return the same constraints without the first rule."""
+    whole = constraints.rule_set
+    return constraints.with_rule_set(RuleSet(whole.space, whole.rules[1:], whole.demonstrated))
+
+
+def test_no_input_is_missed_while_rules_change(robot, rules_of):
     from std_msgs.msg import String
 
     good = rules_of['simple_nav']
-    other_map = dict(good.feature_map, max_age=0.25)
-    fewer = good.with_rule_set(
-        RuleSet(good.rule_set.space, good.rule_set.rules[1:], good.rule_set.demonstrated)
-    )
-    moved = Constraints(good.rule_set, other_map)
-    assert robot.is_safe()
     before, sent = len(robot.costs), []
     for step in range(200):
         robot.publisher.publish(robot.message(SAFE, UNSAFE))
         sent.append(robot.stamp)
         if step % 10 == 0:
-            # The same topics under both rule sets; another feature map comes only at the end.
-            robot.constraints.publish(String(data=(fewer, good)[step // 10 % 2].dumps()))
+            rules = (one_rule(good), good)[step // 10 % 2]
+            robot.constraints.publish(String(data=rules.dumps()))
         # A few under way at any time, fewer than the topics hold.
         robot.until(lambda least=before + step - 20: len(robot.costs) >= least)
     robot.until(lambda: len(robot.costs) >= before + 200)
     assert [stamp_of(message) for message in robot.costs[before:]] == sent
     for message in robot.costs[before:]:
         assert Table.from_message(message).column('cost').tolist() == [0.0, 1.0]
-    robot.constraints.publish(String(data=moved.dumps()))
-    robot.until(lambda: monitor.log.read_text().count('2 enabled rules') >= 3)
-    # The new subscription has to be found first; until then all that comes is UNKNOWN.
-    robot.until(lambda: robot.send(robot.message(SAFE))[0] is not None)
-    assert robot.is_safe()
 
 
-def test_counters_survive_the_same_rules_and_a_repeat_counts_once(monitor, robot, rules_of, ask):
+def test_another_feature_map_is_used_from_then_on(robot, rules_of):
+    good = rules_of['simple_nav']
+    document = dict(good.feature_map, max_age=0.25)
+    document['features'] = [dict(item, transform='abs') for item in document['features']]
+    robot.use(Constraints(good.rule_set, document).dumps())
+    answers = []
+
+    def answered():
+        # The new subscription has to be found first; until then all goes to the old one.
+        robot.publisher.publish(robot.message((-0.8, -0.2), (-0.2, -0.8)))
+        answers[:] = [Table.from_message(item).values for item in robot.costs[-1:]]
+        return answers and answers[0][:, 0].tolist() == [0.0, 1.0]
+
+    robot.until(answered)
+
+
+def test_counters_survive_the_same_rules_and_a_repeat_counts_once(robot, rules_of):
     from std_msgs.msg import String
     from std_srvs.srv import Trigger
 
-    text = rules_of['simple_nav'].with_rule_set(
-        RuleSet(
-            rules_of['simple_nav'].rule_set.space,
-            rules_of['simple_nav'].rule_set.rules[1:],
-            rules_of['simple_nav'].rule_set.demonstrated,
-        )
-    )
-    robot.constraints.publish(String(data=text.dumps()))
-    robot.until(lambda: '1 enabled rules' in monitor.log.read_text())
+    text = one_rule(rules_of['simple_nav']).dumps()
+    robot.use(text)
     message = robot.message(SAFE, UNSAFE, UNSAFE)
     for _ in range(4):
         first = robot.send(message)[0]
         assert first.column('cost').tolist() == [0.0, 1.0, 1.0]
-    robot.constraints.publish(String(data=text.dumps()))
+    robot.constraints.publish(String(data=text))
     robot.send(robot.message(SAFE))
 
     def counts():
         return Table.from_message(robot.rule_stats[-1]).values.tolist() if robot.rule_stats else []
 
     robot.until(lambda: counts() == [[4.0, 2.0]])
-    assert ask(Trigger, 'monitor/reset_stats').success
+    assert robot.witness.call(Trigger, 'monitor/reset_stats').success
     robot.until(lambda: counts() == [[0.0, 0.0]])
 
 
-def test_a_disabled_monitor_says_unknown_and_judges_what_is_repeated_afterwards(
-    monitor, robot, ask
-):
+def test_a_disabled_monitor_says_unknown_and_judges_what_is_repeated_afterwards(robot):
     from std_srvs.srv import SetBool
 
-    assert robot.is_safe()
-    assert ask(SetBool, 'monitor/enable', data=False).success
+    assert robot.witness.call(SetBool, 'monitor/enable', data=False).success
     message = robot.message(UNSAFE)
     costs, cost, violation = robot.send(message)
     assert (costs, cost) == (None, 1.0)
     assert violation.status[0].message == 'UNKNOWN: the monitor is disabled'
-    assert ask(SetBool, 'monitor/enable', data=True).success
+    assert robot.witness.call(SetBool, 'monitor/enable', data=True).success
     costs, cost, violation = robot.send(message)
     assert costs.column('verdict').tolist() == [Verdict.VIOLATED]
     assert stamp_of(robot.costs[-1]) == stamp_of(violation) == stamp_of(message)
 
 
-def test_typed_messages_of_a_best_effort_publisher_are_judged(nodes, robot):
+def test_typed_messages_of_a_best_effort_publisher_are_judged(nodes, witness):
     from nav_msgs.msg import Odometry
     from occ_constraints_pkg.ros.messages import to_time
     from occ_constraints_pkg.ros.qos import SENSORS
@@ -284,9 +310,11 @@ def test_typed_messages_of_a_best_effort_publisher_are_judged(nodes, robot):
     }
     space = FeatureMap.from_document(document, '').space
     rules = RuleSet(space, (Rule('fast', (Literal(0, '>', 1.0),)),), np.array([[0.0, 1.0]] * 2))
-    Constraints(rules, document).save(nodes.folder / 'rules.yaml')
-    nodes.start('monitor', constraints_file=nodes.folder / 'rules.yaml', timeout=0.5)
-    robot.witness.wait_for_monitor(2)
+    robot = Robot(witness)
+    file = nodes.folder / 'rules.yaml'
+    Constraints(rules, document).save(file)
+    nodes.start('monitor', constraints_file=file, timeout=0.5)
+    witness.wait_for_monitor(2)
     publisher = robot.witness.node.create_publisher(Odometry, 'odom', SENSORS)
     robot.until(lambda: publisher.get_subscription_count() == 1)
     for speed, verdict in ((0.5, Verdict.SAFE), (1.5, Verdict.VIOLATED), (np.nan, 2)):

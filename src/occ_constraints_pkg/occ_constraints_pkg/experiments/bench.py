@@ -27,7 +27,7 @@ from occ_constraints_pkg.worlds.registry import make_world
 from occ_constraints_pkg.worlds.stream import EpisodeStream
 
 _WORLD = 'PointGoal1'
-_ROBOTS = 128
+_ROBOTS, _ROLLOUT_STEPS = 256, 128
 _ROUNDS = 2
 _DEMONSTRATION_ROBOTS = 20
 _START_SECONDS = 60.0
@@ -61,6 +61,7 @@ def bench_loop(seconds: float) -> dict[str, Any]:
         'settings': {
             'world': _WORLD,
             'robots': _ROBOTS,
+            'rollout_steps': _ROLLOUT_STEPS,
             'rules': len(constraints.rule_set.rules),
             'seconds': seconds,
             'rounds': _ROUNDS,
@@ -113,7 +114,11 @@ def _demonstrated_constraints() -> Constraints:
 def _train_alone(constraints: Constraints, seconds: float, seed: int) -> list[dict[str, Any]]:
     world = make_world(_WORLD, _ROBOTS)
     learner = PPOLagrangian(
-        PPOLagrangianConfig(), world.columns, world.action_columns, world.name, seed
+        PPOLagrangianConfig(rollout_steps=_ROLLOUT_STEPS),
+        world.columns,
+        world.action_columns,
+        world.name,
+        seed,
     )
     history = train(world, learner, RuleCost(constraints, world), seed=seed, seconds=seconds)
     world.close()
@@ -127,7 +132,12 @@ def _train_over_topics(
     constraints.save(rules)
     nodes: dict[str, Mapping[str, Any]] = {
         'monitor': {'constraints_file': rules},
-        'constrained_learner': {'output': output, 'seconds': seconds, 'seed': seed},
+        'constrained_learner': {
+            'output': output,
+            'seconds': seconds,
+            'seed': seed,
+            'rollout_steps': _ROLLOUT_STEPS,
+        },
         'sim': {'world': _WORLD, 'num_robots': _ROBOTS, 'seed': seed, 'wait_for_subscribers': 2},
     }
     with nodes_running(nodes, directory, private_domain()) as running:

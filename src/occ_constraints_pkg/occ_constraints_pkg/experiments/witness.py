@@ -8,6 +8,7 @@ import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import rclpy
@@ -118,6 +119,24 @@ class Witness:
             if time.monotonic() > end:
                 raise OccError(f'nothing came of waiting {seconds:g} s for the nodes')
             self._executor.spin_until_future_complete(never, _LOOK_SECONDS)
+
+    def call(self, kind: type, service: str, seconds: float = 30.0, **fields: Any) -> Any:
+        """Call a service and return its answer.
+
+        Args:
+            kind: type of the service, for example ``std_srvs.srv.Trigger``.
+            service: its name, within the namespace unless it begins with a slash.
+            seconds: how long to wait for the service, and then for the answer.
+            **fields: of the request.
+
+        Raises:
+            OccError: there is no such service in time, or no answer.
+        """
+        client = self.node.create_client(kind, service)
+        self.spin_until(client.service_is_ready, seconds)
+        future = client.call_async(kind.Request(**fields))
+        self.spin_until(future.done, seconds)
+        return future.result()
 
     def wait_for_monitor(self, subscribers: int, seconds: float = 30.0) -> None:
         """Wait until a monitor knows as many subscribers of its costs and violations.

@@ -16,6 +16,7 @@ from occ_constraints_pkg.bags.writer import BagWriter
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.ros.messages import message_class
 from occ_constraints_pkg.ros.process import OccNode, run_node
+from occ_constraints_pkg.ros.qos import no_events
 
 _LOOK_SECONDS = 0.1
 _FLUSH_SECONDS = 0.5
@@ -104,7 +105,9 @@ class Recorder(OccNode):
 
         if before is not None:
             self.destroy_subscription(before)
-        known.subscription = self.create_subscription(kind, topic, write, profile, raw=True)
+        known.subscription = self.create_subscription(
+            kind, topic, write, profile, raw=True, event_callbacks=no_events()
+        )
 
 
 def main(argv: list[str] | None = None) -> int:

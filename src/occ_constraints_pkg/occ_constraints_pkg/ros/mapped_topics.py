@@ -7,13 +7,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from rclpy.qos import ReliabilityPolicy
+from rclpy.topic_endpoint_info import TopicEndpointInfo
+
 from occ_constraints_pkg.bags.feature_map import FeatureMap
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.ros.messages import message_class
 from occ_constraints_pkg.ros.process import OccNode
-from occ_constraints_pkg.ros.qos import SENSORS, STEPS, overridable
+from occ_constraints_pkg.ros.qos import SENSORS, STEPS, no_events, overridable
 
 _LOOK_SECONDS = 0.2
+_BEST_EFFORT = ReliabilityPolicy.BEST_EFFORT
 _TABLE = 'sensor_msgs/msg/PointCloud2'
 
 
@@ -56,27 +60,34 @@ class MappedTopics:
             self._node.destroy_subscription(subscription)
 
     def problem(self) -> str:
-        """Say which topics nobody publishes, or with another type than a table's; else nothing."""
+        """Say which topics cannot be heard: unpublished, of a wrong type, offered too little."""
         problems = []
         for topic in self._full_names:
-            types = self._published_types(topic)
-            if not types:
+            publishers = self._publishers(topic)
+            if not publishers:
                 problems.append(f'nobody publishes {topic}')
-            elif topic in self._tables and _TABLE not in types:
-                problems.append(f'{topic} is published as {types[0]}; allowed is {_TABLE}')
+            elif topic in self._tables:
+                types = {publisher.topic_type for publisher in publishers}
+                if types != {_TABLE}:
+                    problems.append(f'{topic} is published as {min(types)}; allowed is {_TABLE}')
+                elif all(item.qos_profile.reliability == _BEST_EFFORT for item in publishers):
+                    problems.append(
+                        f'{topic} is published best-effort; set the parameter '
+                        f'qos_overrides.{self._full_names[topic]}.subscription.reliability to '
+                        'best_effort'
+                    )
         return '; '.join(problems)
 
-    def _published_types(self, topic: str) -> list[str]:
-        publishers = self._node.get_publishers_info_by_topic(self._full_names[topic])
-        return [publisher.topic_type for publisher in publishers]
+    def _publishers(self, topic: str) -> list[TopicEndpointInfo]:
+        return self._node.get_publishers_info_by_topic(self._full_names[topic])
 
     def _look(self) -> None:
         for topic in list(self._awaited):
-            types = self._published_types(topic)
-            if types:
+            publishers = self._publishers(topic)
+            if publishers:
                 self._awaited.remove(topic)
                 try:
-                    self._subscribe(topic, types[0], SENSORS)
+                    self._subscribe(topic, publishers[0].topic_type, SENSORS)
                 except OccError as error:
                     self._node.get_logger().error(f'topic {topic} cannot be read: {error}')
         if not self._awaited:
@@ -90,6 +101,11 @@ class MappedTopics:
 
         self._subscriptions.append(
             self._node.create_subscription(
-                message_class(msgtype), topic, on_message, qos, qos_overriding_options=overridable()
+                message_class(msgtype),
+                topic,
+                on_message,
+                qos,
+                event_callbacks=no_events(),
+                qos_overriding_options=overridable(),
             )
         )

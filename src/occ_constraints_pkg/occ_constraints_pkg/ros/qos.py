@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
@@ -32,3 +33,12 @@ SENSORS = QoSProfile(
 def overridable() -> QoSOverridingOptions:
     """Let users change history, depth and reliability by parameter (``qos_overrides...``)."""
     return QoSOverridingOptions.with_default_policies()
+
+
+def no_events() -> SubscriptionEventCallbacks:
+    """Return what a subscription needs that is destroyed while its node spins.
+
+    The events executor may crash when an event of a destroyed subscription is still under way
+    (rclpy issue 1644).
+    """
+    return SubscriptionEventCallbacks(use_default_callbacks=False)

@@ -45,6 +45,8 @@ class FeatureSource:
         high: largest physically possible value, ``inf`` for none.
         reduce: what makes one number of several: ``min``, ``max``, ``mean``, ``norm`` or None.
         transform: ``abs``, ``yaw`` (of a quaternion, in rad) or None; applied last.
+        family: features that measure the same in different places or directions; see
+            :class:`~occ_constraints_pkg.rules.space.Feature`.
         missing: meaning of a range that was not measured: ``unknown`` leaves it as it is, so that
             one that is not finite makes the verdict UNKNOWN; ``max_range`` puts the message's
             ``range_max`` where a scanner reports +Inf, NaN or 0. -Inf, which REP 117 defines as
@@ -61,6 +63,7 @@ class FeatureSource:
     reduce: str | None = None
     transform: str | None = None
     missing: str = 'unknown'
+    family: str = ''
 
 
 @dataclass(frozen=True)
@@ -95,7 +98,10 @@ class FeatureMap:
     def space(self) -> FeatureSpace:
         """The feature space that rules over this map speak of."""
         return FeatureSpace(
-            tuple(Feature(item.name, item.unit, item.low, item.high) for item in self.features)
+            tuple(
+                Feature(item.name, item.unit, item.low, item.high, item.family)
+                for item in self.features
+            )
         )
 
     def to_document(self) -> dict[str, Any]:
@@ -217,4 +223,6 @@ def _feature_document(feature: FeatureSource) -> dict[str, Any]:
             document[key] = getattr(feature, key)
     if feature.missing != 'unknown':
         document['missing'] = feature.missing
+    if feature.family:
+        document['family'] = feature.family
     return document

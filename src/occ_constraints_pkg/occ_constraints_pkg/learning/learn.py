@@ -83,8 +83,11 @@ def learn(
         chosen = rng.choice(names, size=count, replace=False)
         held_out = np.isin(episodes, chosen)
     training = rows[~held_out]
-    tree = fit_tree(training, settings, progress=progress)
+    tree = fit_tree(training, settings, families=space.families, progress=progress)
     demonstrated = np.stack([training.min(axis=0), training.max(axis=0)], axis=1)
+    if settings.clip == 'mass':
+        for family in map(list, space.families):
+            demonstrated[family] = demonstrated[family, 0].min(), demonstrated[family, 1].max()
     rule_set = extract_rules(tree, space, demonstrated, full_conditions=settings.full_conditions)
     coverage = {
         'training_samples': len(training),

@@ -4,13 +4,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.learning.division import Division, divide
+from occ_constraints_pkg.learning.division import Division, divide, divide_family
 from occ_constraints_pkg.learning.settings import DEEPEST, OCTreeSettings
 from occ_constraints_pkg.learning.tree import Branch, Node
 
@@ -22,7 +22,8 @@ class _Growing:
     rows: np.ndarray
     extent: np.ndarray  # (k, 2) the node's box
     blocked: frozenset[int]
-    feature: int | None = None
+    # What is divided: one feature, or all of a family by the same interval.
+    features: tuple[int, ...] = ()
     division: Division | None = None
     children: list[_Growing] = field(default_factory=list)
 
@@ -36,13 +37,18 @@ class _Growing:
                 self.division.intervals, self.division.counts, self.children, strict=True
             )
         )
-        return Node(self.feature, branches)
+        node = Node(self.features[-1], branches)
+        (low, high), count = self.division.intervals[0], self.division.counts[0]
+        for feature in reversed(self.features[:-1]):
+            node = Node(feature, (Branch(float(low), float(high), int(count), node),))
+        return node
 
 
 def fit_tree(
     values: np.ndarray,
     settings: OCTreeSettings,
     *,
+    families: Sequence[Sequence[int]] = (),
     progress: Callable[[int, int], None] | None = None,
 ) -> Node:
     """Learn the region that the samples cover.
@@ -55,6 +61,9 @@ def fit_tree(
     Args:
         values: (n, k) finite samples.
         settings: the learner's parameters.
+        families: positions of features that share their bounds, see
+            :func:`~occ_constraints_pkg.learning.division.divide_family`; only clipping by mass
+            heeds them, for the article knows no such thing. A family is divided in one level.
         progress: called with (level, leaves so far) after each level.
 
     Returns:
@@ -73,12 +82,15 @@ def fit_tree(
             'values only'
         )
     extent = np.stack([samples.min(axis=0), samples.max(axis=0)], axis=1)
+    units = _units(samples.shape[1], families if settings.clip == 'mass' else ())
+    for unit in units:
+        extent[list(unit)] = extent[list(unit), 0].min(), extent[list(unit), 1].max()
     root = _Growing(np.arange(len(samples)), extent, frozenset())
     deepest = DEEPEST if settings.max_depth is None else settings.max_depth
     growing, leaves, covered = [root], [], len(samples)
     for level in range(deepest):
         for node in growing:
-            _split(node, samples, settings)
+            _split(node, samples, units, settings)
         divided = [node for node in growing if node.children]
         if not divided:
             break
@@ -97,8 +109,17 @@ def fit_tree(
     return root.freeze()
 
 
-def _split(node: _Growing, samples: np.ndarray, settings: OCTreeSettings) -> None:
-    """Divide one node along the attribute that gives the purest parts, if any is eligible.
+def _units(features: int, families: Sequence[Sequence[int]]) -> list[tuple[int, ...]]:
+    """Return what can be divided: each family, and each feature that is in none."""
+    together = {member for family in families for member in family}
+    alone = [(feature,) for feature in range(features) if feature not in together]
+    return sorted([*alone, *(tuple(family) for family in families)])
+
+
+def _split(
+    node: _Growing, samples: np.ndarray, units: list[tuple[int, ...]], settings: OCTreeSettings
+) -> None:
+    """Divide one node along what gives the purest parts, if anything is eligible.
 
     An attribute that cut this target node before is blocked until a split into several target
     nodes has come since (article, local pre-pruning, rule 2).
@@ -107,22 +128,26 @@ def _split(node: _Growing, samples: np.ndarray, settings: OCTreeSettings) -> Non
         return
     tail = settings.contamination / samples.shape[1]
     best: Division | None = None
-    for feature in range(samples.shape[1]):
-        if feature in node.blocked:
+    for unit in units:
+        if unit[0] in node.blocked:
             continue
-        ordered = np.sort(samples[node.rows, feature])
-        low, high = node.extent[feature]
-        division = divide(ordered, (low, high), len(samples), tail, settings)
+        extent = tuple(node.extent[unit[0]])
+        if len(unit) > 1:
+            columns = samples[np.ix_(node.rows, unit)]
+            division = divide_family(columns, extent, len(unit) * tail)
+        else:
+            ordered = np.sort(samples[node.rows, unit[0]])
+            division = divide(ordered, extent, len(samples), tail, settings)
         if division is not None and (best is None or division.impurity < best.impurity):
-            best, node.feature = division, feature
+            best, node.features = division, unit
     if best is None:
         return
     node.division = best
     single = len(best.intervals) == 1
-    column = samples[node.rows, node.feature]
+    columns = samples[np.ix_(node.rows, node.features)]
     for low, high in best.intervals:
         extent = node.extent.copy()
-        extent[node.feature] = low, high
-        rows = node.rows[(column >= low) & (column <= high)]
-        blocked = node.blocked | {node.feature} if single else frozenset()
+        extent[list(node.features)] = low, high
+        rows = node.rows[((columns >= low) & (columns <= high)).all(axis=1)]
+        blocked = node.blocked | set(node.features) if single else frozenset()
         node.children.append(_Growing(rows, extent, blocked))

@@ -74,6 +74,7 @@ class Constraints:
             {
                 'name': feature.name,
                 'unit': feature.unit,
+                **({'family': feature.family} if feature.family else {}),
                 'bounds': [_finite_or_none(feature.low), _finite_or_none(feature.high)],
                 'demonstrated': [float(low), float(high)],
             }
@@ -191,6 +192,7 @@ def _feature(item: Mapping[str, Any]) -> Feature:
         item.get('unit', '1'),
         -math.inf if low is None else float(low),
         math.inf if high is None else float(high),
+        item.get('family', ''),
     )
 
 

@@ -21,12 +21,15 @@ class Feature:
         unit: SI unit, or ``1`` for a pure number.
         low: smallest physically possible value; a smaller input is a fault, not a violation.
         high: largest physically possible value.
+        family: features of one family measure the same thing in different places or directions,
+            like the sectors of a lidar; the learner gives them the same bounds. Empty for none.
     """
 
     name: str
     unit: str = '1'
     low: float = -np.inf
     high: float = np.inf
+    family: str = ''
 
 
 @dataclass(frozen=True)
@@ -34,7 +37,8 @@ class FeatureSpace:
     """An ordered tuple of features.
 
     Raises:
-        OccError: no feature at all, a name twice, or bounds that leave no value.
+        OccError: no feature at all, a name twice, bounds that leave no value, or a family whose
+            members differ in unit or bounds.
     """
 
     features: tuple[Feature, ...]
@@ -51,6 +55,14 @@ class FeatureSpace:
                     f'feature {feature.name!r} has bounds [{feature.low}, {feature.high}]; '
                     'allowed are two numbers with at least one finite value from low to high'
                 )
+        for members in self.families:
+            first = self.features[members[0]]
+            for other in (self.features[index] for index in members[1:]):
+                if (other.unit, other.low, other.high) != (first.unit, first.low, first.high):
+                    raise OccError(
+                        f'features {first.name!r} and {other.name!r} of family {first.family!r} '
+                        'differ in unit or bounds; members of a family share both'
+                    )
 
     def __len__(self) -> int:
         return len(self.features)
@@ -59,6 +71,15 @@ class FeatureSpace:
     def names(self) -> tuple[str, ...]:
         """The features' names, in order."""
         return tuple(feature.name for feature in self.features)
+
+    @cached_property
+    def families(self) -> tuple[tuple[int, ...], ...]:
+        """The positions of each family's members, for families of two or more."""
+        members: dict[str, list[int]] = {}
+        for index, feature in enumerate(self.features):
+            if feature.family:
+                members.setdefault(feature.family, []).append(index)
+        return tuple(tuple(group) for group in members.values() if len(group) > 1)
 
     @cached_property
     def lows(self) -> np.ndarray:

@@ -1,0 +1,98 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Features of one family, such as the sectors of a lidar, get the same bounds."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from occ_constraints_pkg.bags.feature_map import load_feature_map
+from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.learning.learn import learn
+from occ_constraints_pkg.learning.octree import fit_tree
+from occ_constraints_pkg.learning.settings import OCTreeSettings
+from occ_constraints_pkg.rules import Feature, FeatureSpace, Verdict
+from occ_constraints_pkg.rules.constraints_file import parse_constraints
+
+
+def sectors(rng, samples, members=4):
+    """Mostly empty sectors; the first one is seldom seen close up."""
+    values = rng.beta(2, 4, (samples, members)) * (rng.uniform(size=(samples, members)) < 0.5)
+    values[:, 0] *= 0.5
+    return values
+
+
+def space(members=4, **changes):
+    features = [Feature(f'd_{i}', low=0.0, high=1.0, family='lidar') for i in range(members)]
+    return FeatureSpace((Feature('v', 'm/s', **changes), *features))
+
+
+@pytest.fixture(scope='module')
+def learned():
+    rng = np.random.default_rng(1)
+    values = np.column_stack([rng.normal(size=20000), sectors(rng, 20000)])
+    constraints = learn(values, np.zeros(20000), space(), rng=rng)
+    return values, constraints
+
+
+def test_all_members_get_the_same_bound_and_empty_sectors_no_lower_one(learned):
+    rule_set = learned[1].rule_set
+    literals = [rule.literals for rule in rule_set.rules if rule.literals[0].feature > 0]
+    assert all(len(item) == 1 and item[0].operator == '>' for item in literals)
+    assert [item[0].feature for item in literals] == [1, 2, 3, 4]
+    assert len({item[0].bound for item in literals}) == 1
+
+
+def test_the_share_outside_keeps_within_the_contamination(learned):
+    values, constraints = learned
+    outside = np.mean(constraints.rule_set.judge(values).verdict != Verdict.SAFE)
+    assert 0.002 < outside <= 0.01
+
+
+def test_a_direction_that_was_hardly_shown_is_not_bounded_tighter(learned):
+    """Alone, the first sector would be cut at about half of the others' bound."""
+    values, constraints = learned
+    alone = fit_tree(values[:, 1:], OCTreeSettings()).leaf_boxes(4)[0, :, 1]
+    together = fit_tree(values[:, 1:], OCTreeSettings(), families=[range(4)]).leaf_boxes(4)[0, :, 1]
+    assert alone[0] < 0.7 * alone[1]
+    assert len(set(together)) == 1
+    assert together[0] > alone[0]
+
+
+def test_the_article_knows_no_families():
+    values = sectors(np.random.default_rng(2), 2000)
+    faithful = OCTreeSettings(clip='density')
+    assert fit_tree(values, faithful, families=[range(4)]) == fit_tree(values, faithful)
+
+
+@given(seed=st.integers(0, 2**32), share=st.floats(0.0, 0.2), sides=st.sampled_from('ulb'))
+@settings(max_examples=60)
+def test_no_more_than_the_share_is_left_outside(seed, share, sides):
+    """Whether the family has an upper spike, a lower one, or both."""
+    rng = np.random.default_rng(seed)
+    values = rng.normal(size=(300, 3))
+    if sides in 'lb':
+        values = np.maximum(values, -0.2)
+    if sides in 'ub':
+        values = np.minimum(values, 0.3)
+    tree = fit_tree(values, OCTreeSettings(contamination=share), families=[range(3)])
+    assert np.mean(~tree.contains(values)) <= share + 1e-12
+    boxes = tree.leaf_boxes(3)
+    assert len(boxes) == 1
+    assert (boxes[0] == boxes[0, 0]).all()
+
+
+def test_members_share_unit_and_bounds():
+    with pytest.raises(OccError, match="'a' and 'b' of family 'f' differ in unit or bounds"):
+        FeatureSpace((Feature('a', 'm', family='f'), Feature('b', 's', family='f')))
+    assert FeatureSpace((Feature('a', family='f'), Feature('b'))).families == ()
+
+
+def test_families_are_kept_in_the_files(learned):
+    constraints = learned[1]
+    assert (
+        parse_constraints(constraints.dumps(), 'file').rule_set.space == constraints.rule_set.space
+    )
+    feature_map = load_feature_map('PointGoal1')
+    again = type(feature_map).from_document(feature_map.to_document(), 'map')
+    assert again.space.families == (tuple(range(4, 20)),)

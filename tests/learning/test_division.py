@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from occ_constraints_pkg.learning.density import Density, estimate
+from occ_constraints_pkg.learning.density import Density, bandwidth, estimate
 from occ_constraints_pkg.learning.division import (
     assess_and_shrink,
     clip,
@@ -144,21 +144,25 @@ def test_a_tight_interval_is_purer_than_a_wide_one():
     )
 
 
+def _eligible(ordered):
+    return ordered[0] < ordered[-1] and is_eligible(ordered, bandwidth(ordered))
+
+
 def test_eligible_are_attributes_that_vary_and_are_not_quantised():
     rng = np.random.default_rng(0)
-    assert is_eligible(np.sort(rng.normal(size=100)))
-    assert not is_eligible(np.zeros(100))
-    assert not is_eligible(np.zeros(1))
+    assert _eligible(np.sort(rng.normal(size=100)))
+    assert not _eligible(np.zeros(100))
+    assert not _eligible(np.zeros(1))
     # h = 0.9 * 0.5 * 1000^-0.2 = 0.11 is below the step, 1.
-    assert not is_eligible(np.sort(rng.integers(0, 2, size=1000).astype(np.float64)))
+    assert not _eligible(np.sort(rng.integers(0, 2, size=1000).astype(np.float64)))
     # Whole numbers from a wide range are as good as continuous.
-    assert is_eligible(np.sort(rng.integers(0, 1000, size=1000).astype(np.float64)))
+    assert _eligible(np.sort(rng.integers(0, 1000, size=1000).astype(np.float64)))
 
 
 @given(samples(most_features=1), st.floats(0.0, 0.5))
 def test_mass_clipping_keeps_all_but_the_tail_in_one_stretch(values, tail):
     ordered = np.sort(values[:, 0])
-    assume(is_eligible(ordered))
+    assume(_eligible(ordered))
     ((low, high),) = clip_mass(estimate(ordered), ordered, tail)
     kept = np.sum((ordered >= low) & (ordered <= high))
     assert kept >= (1.0 - tail) * len(ordered) - 1e-9

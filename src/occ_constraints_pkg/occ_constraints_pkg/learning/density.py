@@ -53,30 +53,56 @@ def bandwidth(ordered: np.ndarray) -> float:
     extent = ordered[-1] - ordered[0]
     # Over their range, no squares of very large or small values overflow or vanish.
     spread = (ordered / extent).std(ddof=1) * extent
-    low, high = np.quantile(ordered, [0.25, 0.75])
+    low, high = sorted_quantile(ordered, 0.25), sorted_quantile(ordered, 0.75)
     if high > low:
         spread = min(spread, (high - low) / 1.34)
     return float(0.9 * spread * len(ordered) ** -0.2)
 
 
-def estimate(ordered: np.ndarray) -> Density:
+def sorted_quantile(ordered: np.ndarray, share: float) -> float:
+    """Return a quantile of ascending values, linear between samples, without sorting again."""
+    place = share * (len(ordered) - 1)
+    below = int(place)
+    above = min(below + 1, len(ordered) - 1)
+    return float(ordered[below] + (place - below) * (ordered[above] - ordered[below]))
+
+
+def estimate(ordered: np.ndarray, h: float | None = None) -> Density:
     """Estimate the density of (n,) ascending values, not all equal, by a Gaussian kernel.
 
     The samples are shared out linearly between neighbouring cells of a grid, which is then
     convolved with the kernel: time grows with n only through the counting.
+
+    Args:
+        ordered: the values.
+        h: their :func:`bandwidth`, when it is known already.
     """
-    h = bandwidth(ordered)
+    h = bandwidth(ordered) if h is None else h
     low, high = ordered[0] - _PADDING * h, ordered[-1] + _PADDING * h
     wanted = np.ceil((high - low) / h * _CELLS_PER_BANDWIDTH)
     size = int(min(max(wanted, _SMALLEST_GRID), _LARGEST_GRID))
     grid = np.linspace(low, high, size)
     step = grid[1] - grid[0]
-    place = (ordered - low) / step
-    cell = np.minimum(place.astype(np.int64), size - 2)
-    share = place - cell
-    mass = np.bincount(cell, weights=1.0 - share, minlength=size)
-    mass += np.bincount(cell + 1, weights=share, minlength=size)
+    mass = _shared_out((ordered - low) / step, size)
     # Under a tenth of a cell the kernel is one cell wide; its exact width must only not vanish.
     sigma = max(h / step, 0.1)
     smooth = gaussian_filter1d(mass, sigma, mode='constant', truncate=_PADDING)
     return Density(grid, smooth * (h / step / len(ordered)), h)
+
+
+def _shared_out(places: np.ndarray, size: int) -> np.ndarray:
+    """Share ascending places, in cells from 0 to size - 1, out between the grid points beside them.
+
+    A sample at 3.2 gives 0.8 to point 3 and 0.2 to point 4. Because the places ascend, running
+    sums at the cells' borders are all that is needed.
+    """
+    borders = np.searchsorted(places, np.arange(1, size - 1))
+    ends = np.concatenate(([0], borders, [len(places)]))
+    counts = np.diff(ends)
+    sums = np.diff(np.concatenate(([0.0], np.cumsum(places)))[ends])
+    to_right = sums - counts * np.arange(size - 1)
+    mass = np.zeros(size)
+    mass[:-1] = counts - to_right
+    mass[1:] += to_right
+    # Rounding of the sums may leave a hair's breadth below nothing.
+    return np.maximum(mass, 0.0)

@@ -17,6 +17,8 @@ _LARGEST = 1e300
 # Part by which the level of mass clipping is lowered, so that rounding where the density crosses
 # it cannot cost the sample, or the many equal ones, that set it.
 _SLACK = 1e-6
+# Steps between neighbouring values that are looked at in one go.
+_STEPS_AT_ONCE = 4096
 
 
 @dataclass(frozen=True)
@@ -54,9 +56,12 @@ def divide(
         The division, or ``None`` when the attribute is not eligible, no interval holds enough
         samples, or the one interval found is the node's own.
     """
-    if max(-extent[0], extent[1]) > _LARGEST or not is_eligible(ordered):
+    if max(-extent[0], extent[1]) > _LARGEST or ordered[0] == ordered[-1]:
         return None
-    density = estimate(ordered)
+    h = bandwidth(ordered)
+    if not is_eligible(ordered, h):
+        return None
+    density = estimate(ordered, h)
     if settings.clip == 'density':
         pieces = clip(density, settings.gamma * float(density.values.max()))
     else:
@@ -68,7 +73,9 @@ def divide(
     return Division(intervals, counts, impurity(ordered, intervals, counts, extent))
 
 
-def divide_family(columns: np.ndarray, extent: tuple[float, float], tail: float) -> Division | None:
+def divide_family(
+    smallest: np.ndarray, largest: np.ndarray, extent: tuple[float, float], tail: float
+) -> Division | None:
     """Find one interval for all features of a family: our extension, for clipping by mass.
 
     The bounds are quantiles of each sample's smallest and largest member, so that at most a share
@@ -78,29 +85,29 @@ def divide_family(columns: np.ndarray, extent: tuple[float, float], tail: float)
     to the other one.
 
     Args:
-        columns: (n, m) the node's values of the m members.
+        smallest: (n,) the smallest member of each of the node's samples.
+        largest: (n,) the largest member.
         extent: the node's present interval of the family.
         tail: largest share of the node's samples to leave outside.
 
     Returns:
         The division into one interval, or ``None`` when that is the node's own.
     """
-    smallest, largest = np.sort(columns.min(axis=1)), np.sort(columns.max(axis=1))
+    lows, highs = np.sort(smallest), np.sort(largest)
     half = tail / 2
-    low, high = _lower_quantile(smallest, half), -_lower_quantile(-largest[::-1], half)
-    if low == smallest[0]:
-        high = -_lower_quantile(-largest[::-1], tail)
-    elif high == largest[-1]:
-        low = _lower_quantile(smallest, tail)
-    inside = (columns >= low).all(axis=1) & (columns <= high).all(axis=1)
-    kept = columns[inside]
-    if not kept.size:
+    low, high = _lower_quantile(lows, half), -_lower_quantile(-highs[::-1], half)
+    if low == lows[0]:
+        high = -_lower_quantile(-highs[::-1], tail)
+    elif high == highs[-1]:
+        low = _lower_quantile(lows, tail)
+    inside = (smallest >= low) & (largest <= high)
+    if not inside.any():
         return None
-    intervals = np.array([[kept.min(), kept.max()]])
+    intervals = np.array([[smallest[inside].min(), largest[inside].max()]])
     if tuple(intervals[0]) == extent:
         return None
-    counts = np.array([len(kept)])
-    return Division(intervals, counts, impurity(largest, intervals, counts, extent))
+    counts = np.array([np.count_nonzero(inside)])
+    return Division(intervals, counts, impurity(highs, intervals, counts, extent))
 
 
 def _lower_quantile(ordered: np.ndarray, share: float) -> float:
@@ -108,16 +115,22 @@ def _lower_quantile(ordered: np.ndarray, share: float) -> float:
     return float(ordered[int(np.floor(share * len(ordered)))])
 
 
-def is_eligible(ordered: np.ndarray) -> bool:
+def is_eligible(ordered: np.ndarray, h: float) -> bool:
     """Tell whether an attribute may be divided (article, local pre-pruning, rules 1 and 3).
 
     Not when all values are equal, and not when the bandwidth is below the smallest step between
     distinct values: then the data are quantised and a density makes no sense.
+
+    Args:
+        ordered: (n,) ascending values.
+        h: their bandwidth.
     """
-    if ordered[0] == ordered[-1]:
-        return False
-    steps = np.diff(ordered)
-    return bool(bandwidth(ordered) >= steps[steps > 0].min())
+    # One small enough step decides, and it is mostly among the first.
+    for start in range(0, len(ordered) - 1, _STEPS_AT_ONCE):
+        steps = np.diff(ordered[start : start + _STEPS_AT_ONCE + 1])
+        if ((steps > 0) & (steps <= h)).any():
+            return True
+    return False
 
 
 def clip_mass(density: Density, ordered: np.ndarray, tail: float) -> list[tuple[float, float]]:
@@ -128,9 +141,28 @@ def clip_mass(density: Density, ordered: np.ndarray, tail: float) -> list[tuple[
     it does when the level is a share of the largest density. Thin places between dense ones are
     kept: in data with spikes they are everywhere and mean nothing.
     """
-    level = float(np.quantile(density.at(ordered), tail, method='lower'))
+    level = _density_rank(density, ordered, int(tail * (len(ordered) - 1)))
     pieces = clip(density, level * (1.0 - _SLACK))
     return [(pieces[0][0], pieces[-1][1])]
+
+
+def _density_rank(density: Density, ordered: np.ndarray, rank: int) -> float:
+    """Return the density that exactly ``rank`` of the samples undercut, up to ties.
+
+    Only samples in thin cells of the grid can: those are found first, and only there the density
+    is looked up for each sample.
+    """
+    ends = np.searchsorted(ordered, density.grid)
+    ends[0], ends[-1] = 0, len(ordered)
+    counts = np.diff(ends)
+    thinnest = np.minimum(density.values[:-1], density.values[1:])
+    densest = np.maximum(density.values[:-1], density.values[1:])
+    ascending = np.argsort(densest)
+    enough = np.searchsorted(np.cumsum(counts[ascending]), rank, side='right')
+    bound = densest[ascending[enough]]
+    cells = np.flatnonzero((thinnest <= bound) & (counts > 0))
+    samples = np.concatenate([ordered[ends[cell] : ends[cell + 1]] for cell in cells])
+    return float(np.partition(density.at(samples), rank)[rank])
 
 
 def clip(density: Density, level: float) -> list[tuple[float, float]]:

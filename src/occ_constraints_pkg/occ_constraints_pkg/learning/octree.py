@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -72,7 +73,8 @@ def fit_tree(
     Raises:
         OccError: no sample, or a value that is not finite.
     """
-    samples = np.asarray(values, dtype=np.float64)
+    # Column by column, for that is how the samples are read.
+    samples = np.asarray(values, dtype=np.float64, order='F')
     if samples.ndim != 2 or not samples.size:
         raise OccError(f'learning needs samples of shape (n, k), got an array of {samples.shape}')
     if not np.isfinite(samples).all():
@@ -82,15 +84,15 @@ def fit_tree(
             'values only'
         )
     extent = np.stack([samples.min(axis=0), samples.max(axis=0)], axis=1)
-    units = _units(samples.shape[1], families if settings.clip == 'mass' else ())
+    units = _units(samples, families if settings.clip == 'mass' else ())
     for unit in units:
-        extent[list(unit)] = extent[list(unit), 0].min(), extent[list(unit), 1].max()
+        extent[list(unit.features)] = unit.smallest.min(), unit.largest.max()
     root = _Growing(np.arange(len(samples)), extent, frozenset())
     deepest = DEEPEST if settings.max_depth is None else settings.max_depth
     growing, leaves, covered = [root], [], len(samples)
     for level in range(deepest):
         for node in growing:
-            _split(node, samples, units, settings)
+            _split(node, units, samples.shape, settings)
         divided = [node for node in growing if node.children]
         if not divided:
             break
@@ -109,45 +111,72 @@ def fit_tree(
     return root.freeze()
 
 
-def _units(features: int, families: Sequence[Sequence[int]]) -> list[tuple[int, ...]]:
-    """Return what can be divided: each family, and each feature that is in none."""
+class _Unit(NamedTuple):
+    """What can be divided: one feature, or a family with the same interval for all members.
+
+    Attributes:
+        features: positions of the members.
+        smallest: (n,) each sample's smallest member; for one feature, its value.
+        largest: (n,) each sample's largest member.
+    """
+
+    features: tuple[int, ...]
+    smallest: np.ndarray
+    largest: np.ndarray
+
+
+def _units(samples: np.ndarray, families: Sequence[Sequence[int]]) -> list[_Unit]:
+    """Return each family, and each feature that is in none, in the order of the features."""
     together = {member for family in families for member in family}
-    alone = [(feature,) for feature in range(features) if feature not in together]
-    return sorted([*alone, *(tuple(family) for family in families)])
+    units = [
+        _Unit((feature,), samples[:, feature], samples[:, feature])
+        for feature in range(samples.shape[1])
+        if feature not in together
+    ]
+    for family in map(list, families):
+        smallest, largest = samples[:, family[0]].copy(), samples[:, family[0]].copy()
+        for member in family[1:]:
+            np.minimum(smallest, samples[:, member], out=smallest)
+            np.maximum(largest, samples[:, member], out=largest)
+        units.append(_Unit(tuple(family), smallest, largest))
+    return sorted(units, key=lambda unit: unit.features)
 
 
 def _split(
-    node: _Growing, samples: np.ndarray, units: list[tuple[int, ...]], settings: OCTreeSettings
+    node: _Growing, units: list[_Unit], shape: tuple[int, ...], settings: OCTreeSettings
 ) -> None:
     """Divide one node along what gives the purest parts, if anything is eligible.
 
     An attribute that cut this target node before is blocked until a split into several target
     nodes has come since (article, local pre-pruning, rule 2).
     """
-    if len(node.rows) < max(2.0, settings.min_split * len(samples)):
+    total, features = shape
+    if len(node.rows) < max(2.0, settings.min_split * total):
         return
-    tail = settings.contamination / samples.shape[1]
+    tail = settings.contamination / features
     best: Division | None = None
+    chosen = units[0]
     for unit in units:
-        if unit[0] in node.blocked:
+        if unit.features[0] in node.blocked:
             continue
-        extent = tuple(node.extent[unit[0]])
-        if len(unit) > 1:
-            columns = samples[np.ix_(node.rows, unit)]
-            division = divide_family(columns, extent, len(unit) * tail)
+        extent = tuple(node.extent[unit.features[0]])
+        smallest = unit.smallest[node.rows]
+        if len(unit.features) > 1:
+            share = len(unit.features) * tail
+            division = divide_family(smallest, unit.largest[node.rows], extent, share)
         else:
-            ordered = np.sort(samples[node.rows, unit[0]])
-            division = divide(ordered, extent, len(samples), tail, settings)
+            smallest.sort()
+            division = divide(smallest, extent, total, tail, settings)
         if division is not None and (best is None or division.impurity < best.impurity):
-            best, node.features = division, unit
+            best, chosen = division, unit
     if best is None:
         return
-    node.division = best
+    node.features, node.division = chosen.features, best
     single = len(best.intervals) == 1
-    columns = samples[np.ix_(node.rows, node.features)]
+    smallest, largest = chosen.smallest[node.rows], chosen.largest[node.rows]
     for low, high in best.intervals:
         extent = node.extent.copy()
         extent[list(node.features)] = low, high
-        rows = node.rows[((columns >= low) & (columns <= high)).all(axis=1)]
+        rows = node.rows[(smallest >= low) & (largest <= high)]
         blocked = node.blocked | set(node.features) if single else frozenset()
         node.children.append(_Growing(rows, extent, blocked))

@@ -38,7 +38,7 @@ def write_drive(
     *,
     driver: str = 'expert',
     robots: int = 40,
-    steps: int = 160,
+    steps: int = 100,
     topic: str = '/observation',
     seed: int = 0,
 ) -> Path:

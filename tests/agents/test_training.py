@@ -13,7 +13,7 @@ pytest.importorskip('torch')
 from occ_constraints_pkg.agents.evaluation import evaluate  # noqa: E402
 from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian  # noqa: E402
 from occ_constraints_pkg.agents.settings import PPOLagrangianConfig  # noqa: E402
-from occ_constraints_pkg.agents.training import TrueCost, train  # noqa: E402
+from occ_constraints_pkg.agents.training import TrainingDirectory, TrueCost, train  # noqa: E402
 from occ_constraints_pkg.errors import OccError  # noqa: E402
 
 
@@ -46,20 +46,25 @@ def test_the_cost_comes_from_the_source(tmp_path):
     world = LineWorld(8)
     learner = make_learner(world)
     history = train(
-        world, learner, lambda batch: np.ones(8), seed=1, total_steps=1000, log=tmp_path / 'log'
+        world,
+        learner,
+        lambda batch: np.ones(8),
+        seed=1,
+        total_steps=1000,
+        directory=TrainingDirectory(tmp_path / 'run'),
     )
     assert history[-1].mean_cost == 20.0
 
 
 def test_log_progress_and_end(tmp_path):
     world, told = LineWorld(8), []
-    learner, log = make_learner(world), tmp_path / 'log.jsonl'
-    options = {'seed': 1, 'progress': told.append, 'log': log}
+    learner, directory = make_learner(world), TrainingDirectory(tmp_path)
+    options = {'seed': 1, 'progress': told.append, 'directory': directory}
     history = train(world, learner, TrueCost(), total_steps=1000, **options)
     assert 1000 <= learner.steps < 1008
     history += train(world, learner, TrueCost(), total_steps=2000, **options)
     assert 2000 <= learner.steps < 2008
-    lines = [json.loads(line) for line in log.read_text().splitlines()]
+    lines = [json.loads(line) for line in (tmp_path / 'metrics.jsonl').read_text().splitlines()]
     assert lines == [item.as_dict() for item in history] == [item.as_dict() for item in told]
     assert [line['updates'] for line in lines] == list(range(1, len(lines) + 1))
 
@@ -68,8 +73,18 @@ def test_numbers_that_are_not_there_yet_are_null_in_the_log(tmp_path):
     world = LineWorld(8)
     config = PPOLagrangianConfig(rollout_steps=5, hidden=(4,))
     learner = PPOLagrangian(config, world.columns, world.action_columns, world.name, seed=0)
-    train(world, learner, TrueCost(), seed=1, total_steps=50, log=tmp_path / 'log')
-    assert json.loads((tmp_path / 'log').read_text().splitlines()[0])['mean_return'] is None
+    train(
+        world,
+        learner,
+        TrueCost(),
+        seed=1,
+        total_steps=50,
+        directory=TrainingDirectory(tmp_path / 'run'),
+    )
+    assert (
+        json.loads((tmp_path / 'run' / 'metrics.jsonl').read_text().splitlines()[0])['mean_return']
+        is None
+    )
 
 
 def test_seconds_end_a_run():
@@ -86,3 +101,40 @@ def test_a_run_without_end_or_in_another_world_is_refused():
     other = PPOLagrangian(PPOLagrangianConfig(), ['y'], ['d_x'], 'other', seed=0)
     with pytest.raises(OccError, match="column 0 is 'x'"):
         train(world, other, TrueCost(), seed=1, total_steps=10)
+
+
+def test_an_earlier_training_is_moved_aside_and_nothing_learned_saves_nothing(tmp_path):
+    world = LineWorld(8)
+    run = tmp_path / 'run'
+    directory = TrainingDirectory(run)
+    assert directory.begin() is None
+    directory.save(make_learner(world))
+    assert list(run.iterdir()) == []
+    learner = make_learner(world)
+    train(world, learner, TrueCost(), seed=1, total_steps=500, directory=directory)
+    directory.save(learner)
+    assert {path.name for path in run.iterdir()} == {
+        'metrics.jsonl', 'policy.npz', 'checkpoint.pt', 'summary.json'
+    }  # fmt: skip
+    before = (run / 'policy.npz').read_bytes()
+    again = TrainingDirectory(run)
+    assert again.begin() == tmp_path / 'run.1'
+    assert list(run.iterdir()) == []
+    assert (tmp_path / 'run.1' / 'policy.npz').read_bytes() == before
+
+
+def test_a_save_that_fails_leaves_the_earlier_files(tmp_path, monkeypatch):
+    world = LineWorld(8)
+    directory = TrainingDirectory(tmp_path / 'run')
+    learner = make_learner(world)
+    train(world, learner, TrueCost(), seed=1, total_steps=500, directory=directory)
+    directory.save(learner)
+    before = {path.name: path.read_bytes() for path in directory.path.iterdir()}
+
+    def full(*_):
+        raise RuntimeError('[enforce fail at inline_container.cc] . PytorchStreamWriter failed')
+
+    monkeypatch.setattr('torch.save', full)
+    with pytest.raises(OccError, match=r'cannot write .*checkpoint.pt: torch says'):
+        directory.save(learner)
+    assert {path.name: path.read_bytes() for path in directory.path.iterdir()} == before

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from occ_constraints_pkg.bags.extract import FeatureExtractor, extract, header_stamp_ns
 from occ_constraints_pkg.bags.feature_map import FeatureMap, FeatureSource, load_feature_map
+from occ_constraints_pkg.bags.fields import FieldReader
 from occ_constraints_pkg.bags.recording import Recording
 from occ_constraints_pkg.errors import OccError
 from rosbags.highlevel import AnyReader
@@ -186,7 +187,7 @@ def test_tables_give_one_row_per_robot(messages, dtype):
     # Other columns in another order.
     rows = extractor.push('observation', messages.table('cba', values, stamp_ns=3), 1)
     assert rows.values.tolist() == [[-1.0, 3.0], [-4.0, 6.0]]
-    assert rows.repeat
+    assert not rows.repeat
     with pytest.raises(OccError, match=r"column 'c'.*its columns are a, b, d"):
         extractor.push('observation', messages.table('abd', values), 1)
 
@@ -358,3 +359,26 @@ def test_rclpy_and_rosbags_give_the_same_bits(messages):
     assert np.isfinite(rows.values).all()
     assert rows.values.tobytes() == live_rows.values.tobytes()
     assert (rows.stamp_ns, rows.table.names) == (live_rows.stamp_ns, live_rows.table.names)
+
+
+def test_a_blind_scanner_is_not_a_free_road(messages):
+    """NaN and 0 read as range_max only beside a beam that says something."""
+    reader = FieldReader(
+        FeatureSource('d', 'scan', field='ranges[:]', reduce='min', missing='max_range')
+    )
+    nan, inf = float('nan'), float('inf')
+    for blind in ([nan, nan], [0.0, 0.0], [nan, 0.0]):
+        assert np.isnan(reader.read(messages.scan(blind)))
+    assert reader.read(messages.scan([nan, inf])) == messages.scan([1.0]).range_max
+    assert reader.read(messages.scan([0.0, 0.5])) == 0.5
+
+
+def test_other_values_under_the_same_stamp_are_no_repeat(messages):
+    extractor = FeatureExtractor(
+        FeatureMap('scan', 1.0, (FeatureSource('d', 'scan', field='ranges[:]', reduce='min'),))
+    )
+    first, same, other = (
+        extractor.push('scan', messages.scan(ranges, stamp_ns=5), 0)
+        for ranges in ([1.0], [1.0], [0.5])
+    )
+    assert [rows.repeat for rows in (first, same, other)] == [False, True, False]

@@ -38,7 +38,7 @@ def test_rules_rarely_violated_are_disabled_and_say_why():
 
 
 def test_pruning_adds_to_a_note_and_leaves_disabled_rules_alone():
-    noted = counted((10, 0), note='mine')
+    noted = counted((10, 0), (10, 10), note='mine')
     assert prune(noted, 0.5).rule_set.rules[0].note == (
         'mine; pruned: violated 0 of 10 times, below 0.5'
     )
@@ -53,9 +53,16 @@ def test_pruning_adds_to_a_note_and_leaves_disabled_rules_alone():
 def test_a_share_equal_to_the_threshold_stays(evaluated, parts):
     violated = evaluated * parts // 1000
     threshold = float(Fraction(violated, evaluated))
-    assert prune(counted((evaluated, violated)), threshold).pruned == ()
+    kept = (1, 1)
+    assert prune(counted((evaluated, violated), kept), threshold).pruned == ()
     if violated:
-        assert prune(counted((evaluated, violated - 1)), threshold).pruned == ('R0',)
+        assert prune(counted((evaluated, violated - 1), kept), threshold).pruned == ('R0',)
+
+
+def test_the_last_rules_are_not_pruned():
+    """A formula without rules would call everything safe."""
+    with pytest.raises(OccError, match='would disable every rule'):
+        prune(counted((10, 1), (10, 2)), 0.5)
 
 
 def test_decimal_thresholds_mean_what_they_say():

@@ -35,13 +35,12 @@ class Nodes:
 
     def stop(self, *processes: NodeProcess, number: signal.Signals = signal.SIGINT) -> None:
         """Send a signal to some or all nodes; each must end soon, cleanly and in silence."""
-        chosen = [process for process in processes or self.started if process.is_running]
+        chosen = processes or [item for item in self.started if not item.was_killed]
         for process in chosen:
             process.send_signal(number)
         began = time.monotonic()
         for process in chosen:
-            code = process.join()
-            text = process.log.read_text()
+            code, text = process.join(), process.log.read_text()
             assert code == 0, f'{process.name} ended with {code}: {text}'
             assert 'Traceback' not in text
             assert 'FATAL' not in text

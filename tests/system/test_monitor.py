@@ -163,7 +163,7 @@ def test_silence_is_unknown_again_and_again_until_the_next_input(nodes, witness,
     assert {message.data for message in robot.cost[before:]} == {1.0}
     assert 2 <= len(robot.cost) - before <= 4
     status = robot.violations[-1].status[0]
-    assert (status.level, status.message) == (STALE, 'UNKNOWN: no input for 0.5 s')
+    assert (status.level, status.message) == (STALE, 'UNKNOWN: no new input for 0.5 s')
     assert stamp_of(robot.violations[-1]) == robot.stamp
     assert robot.is_safe()
 

@@ -22,7 +22,7 @@ def test_simple_navigation_is_pruned_to_the_rule_of_the_paper(nodes, witness, tr
     # The witness listens to observations too.
     demonstration = nodes.start('sim', **{**episode, 'wait_for_subscribers': 3})
     witness.spin_until(lambda: not demonstration.is_running, 40.0)
-    demonstration.wait(0.0)
+    demonstration.raise_error()
     nodes.stop(recorder)
     learner = nodes.start(
         'tree_learner',
@@ -37,7 +37,7 @@ def test_simple_navigation_is_pruned_to_the_rule_of_the_paper(nodes, witness, tr
     witness.spin_until(lambda: 'enabled rules' in monitor.log.read_text(), 30.0)
     drive = nodes.start('sim', namespace='/drive', seed=5, **episode)
     witness.spin_until(lambda: not drive.is_running, 40.0)
-    drive.wait(0.0)
+    drive.raise_error()
     nodes.stop(learner)
     answer = trigger('/drive/monitor/prune')
     assert answer.success, answer.message

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 import math
+import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -13,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import click
-import numpy as np
 
 import occ_constraints_pkg
 from occ_constraints_pkg.errors import OccError, import_needed
@@ -25,6 +25,7 @@ _JSON = click.option('--json', 'as_json', is_flag=True, help='Print one JSON obj
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run ``occ``; return 0 (done), 1 (problems were found) or 2 (bad input)."""
+    handler = signal.getsignal(signal.SIGTERM)
     try:
         code = cli.main(args=None if argv is None else list(argv), standalone_mode=False)
         return code if isinstance(code, int) else 0
@@ -32,21 +33,27 @@ def main(argv: Sequence[str] | None = None) -> int:
         click.echo(f'error: {error}', err=True)
         return 2
     except click.ClickException as error:
-        error.show()
+        context = getattr(error, 'ctx', None)
+        hint = f"; see '{context.command_path} --help'" if context else ''
+        click.echo(f'error: {error.format_message().rstrip(".")}{hint}', err=True)
         return 2
     except (click.Abort, KeyboardInterrupt):
         click.echo('stopped', err=True)
         return 130
-    except BrokenPipeError:
-        # The reader of our output has gone, as `occ show | head` does.
-        sys.stderr.close()
+    except SystemExit:
+        # This is how click says that the reader of our output has gone, as in `occ show | head`.
         return 0
+    finally:
+        signal.signal(signal.SIGTERM, handler)
 
 
-@click.group(context_settings={'help_option_names': ['-h', '--help']})
+@click.group(invoke_without_command=True, context_settings={'help_option_names': ['-h', '--help']})
 @click.version_option(occ_constraints_pkg.__version__)
-def cli() -> None:
+@click.pass_context
+def cli(context: click.Context) -> None:
     """Learn a robot's safety constraints from demonstrations, monitor them, train within them."""
+    if context.invoked_subcommand is None:
+        click.echo(context.get_help())
 
 
 @cli.command()
@@ -86,7 +93,13 @@ def cli() -> None:
     is_flag=True,
     help='Write rules with all bounds above them, as the paper does, not only those they need.',
 )
-@click.option('--seed', default=0, show_default=True, help='Chooses the held-out episodes.')
+@click.option(
+    '--seed',
+    default=0,
+    type=click.IntRange(min=0),
+    show_default=True,
+    help='Chooses the held-out episodes.',
+)
 @click.option('--overwrite', is_flag=True, help='Replace a file with edited rules (keeps .bak).')
 @_JSON
 def learn(
@@ -108,6 +121,8 @@ def learn(
     \b
     Example: occ learn bags/safe_drive_1 bags/safe_drive_2 -m my_robot.yaml -o constraints.yaml
     """
+    import numpy as np
+
     from occ_constraints_pkg.bags.demonstrations import learn_from_recordings
     from occ_constraints_pkg.bags.feature_map import load_feature_map
     from occ_constraints_pkg.rules.constraints_file import save_learned
@@ -127,6 +142,7 @@ def learn(
             settings,
             rng=np.random.default_rng(seed),
             progress=progress,
+            warn=lambda sentence: click.echo(f'warning: {sentence}', err=True),
         )
     save_learned(constraints, output, overwrite=overwrite)
     coverage = constraints.coverage
@@ -212,20 +228,22 @@ def check(bags: tuple[str, ...], constraints: str, counted: str | None, as_json:
     \b
     Example: occ check bags/drive_7 -c constraints.yaml
     """
+    import numpy as np
+
     from occ_constraints_pkg.bags.extract import extract
-    from occ_constraints_pkg.bags.feature_map import FeatureMap
+    from occ_constraints_pkg.bags.feature_map import map_of
     from occ_constraints_pkg.rules import RuleCounts, Verdict
     from occ_constraints_pkg.rules.constraints_file import load_constraints
 
     loaded = load_constraints(constraints)
-    if loaded.feature_map is None:
-        raise OccError(f'{constraints} has no feature_map, so no topic gives its features')
-    feature_map = FeatureMap.from_document(loaded.feature_map, constraints)
+    feature_map = map_of(loaded, constraints)
     with _progress('reading') as progress:
         data = extract(bags, feature_map, progress=progress)
     for warning in data.warnings:
         click.echo(f'warning: {warning}', err=True)
     rule_set = loaded.rule_set
+    if not len(rule_set.order):
+        click.echo(f'warning: {constraints} enables no rule, so nothing is a violation', err=True)
     judgement = rule_set.judge(data.values)
     counts = RuleCounts(rule_set)
     counts.add(judgement)
@@ -271,7 +289,7 @@ def check(bags: tuple[str, ...], constraints: str, counted: str | None, as_json:
 def prune(constraints: str, threshold: float, output: str | None, as_json: bool) -> None:
     """Disable rules that are rarely violated, by the counters in the file.
 
-    The counters come from a monitor (~/prune writes them) or from `occ train`.
+    The counters come from `occ check --count`, from a monitor (~/prune) or from `occ train`.
 
     \b
     Example: occ prune constraints.yaml --threshold 0.001 -o pruned.yaml
@@ -314,9 +332,17 @@ def prune(constraints: str, threshold: float, output: str | None, as_json: bool)
     help="'true': the world's own cost; 'none': unconstrained; or a constraints file.",
 )
 @click.option('--cost-limit', default=25.0, show_default=True, help='Mean cost per episode.')
-@click.option('--steps', default=1_000_000, show_default=True, help='Robot steps.')
-@click.option('--robots', default=64, show_default=True, help='Robots simulated at once.')
-@click.option('--seed', default=0, show_default=True)
+@click.option(
+    '--steps', default=1_000_000, type=click.IntRange(min=1), show_default=True, help='Robot steps.'
+)
+@click.option(
+    '--robots',
+    default=64,
+    type=click.IntRange(min=1),
+    show_default=True,
+    help='Robots simulated at once.',
+)
+@click.option('--seed', default=0, type=click.IntRange(min=0), show_default=True)
 def train(
     world: str, output: str, cost: str, cost_limit: float, steps: int, robots: int, seed: int
 ) -> None:
@@ -326,7 +352,7 @@ def train(
     Example: occ train PointGoal1 --cost constraints.yaml --steps 1000000 -o runs/mine
     """
     from occ_constraints_pkg.agents.rule_cost import RuleCost
-    from occ_constraints_pkg.agents.training import TrueCost
+    from occ_constraints_pkg.agents.training import TrainingDirectory, TrueCost
     from occ_constraints_pkg.agents.training import train as run_training
     from occ_constraints_pkg.rules.constraints_file import load_constraints
     from occ_constraints_pkg.worlds.registry import make_world
@@ -342,13 +368,11 @@ def train(
     learner = ppo.PPOLagrangian(
         config, simulated.columns, simulated.action_columns, simulated.name, seed
     )
-    directory = Path(output)
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OccError(f'cannot write to {output}: {error.strerror}') from error
-    log = directory / 'metrics.jsonl'
-    log.unlink(missing_ok=True)
+    directory = TrainingDirectory(output)
+    earlier = directory.begin()
+    if earlier:
+        click.echo(f'an earlier training is now in {earlier}', err=True)
+    _end_tidily()
     try:
         with _progress('training', detail=True) as progress:
             run_training(
@@ -357,7 +381,7 @@ def train(
                 source,
                 seed=seed,
                 total_steps=steps,
-                log=log,
+                directory=directory,
                 progress=lambda metrics: progress(
                     metrics.steps,
                     steps,
@@ -367,21 +391,22 @@ def train(
             )
     finally:
         # A stopped training is not lost.
-        if learner.updates:
-            learner.policy().save(directory / 'policy.npz')
-            learner.save(directory / 'checkpoint.pt')
-            if constraints is not None:
-                counted = constraints.rule_set.with_counts(source.counts)
-                constraints.with_rule_set(counted).save(directory / 'constraints.yaml')
-            click.echo(f'policy, checkpoint and metrics are in {output}')
+        directory.save(learner)
+        if learner.updates and constraints is not None:
+            counted = constraints.rule_set.with_counts(source.counts)
+            constraints.with_rule_set(counted).save(directory.path / 'constraints.yaml')
         simulated.close()
+        if learner.updates:
+            click.echo(f'policy, checkpoint and metrics are in {output}')
+        else:
+            click.echo('stopped before the first update; nothing was learned', err=True)
 
 
 @cli.command()
 @click.argument('policy', type=click.Path())
 @click.option('--world', help='Default: the one the policy was trained on.')
-@click.option('--episodes', default=50, show_default=True)
-@click.option('--seed', default=1, show_default=True)
+@click.option('--episodes', default=50, type=click.IntRange(min=1), show_default=True)
+@click.option('--seed', default=1, type=click.IntRange(min=0), show_default=True)
 @click.option('--explore', is_flag=True, help='Sample actions instead of taking the mean.')
 @_JSON
 def evaluate(
@@ -392,6 +417,8 @@ def evaluate(
     \b
     Example: occ evaluate runs/mine/policy.npz --episodes 50
     """
+    import numpy as np
+
     from occ_constraints_pkg.agents.evaluation import evaluate as run_evaluation
     from occ_constraints_pkg.agents.policy import GaussianPolicy
     from occ_constraints_pkg.worlds.registry import make_world
@@ -416,17 +443,16 @@ def evaluate(
 @click.argument('name')
 @click.argument('arguments', nargs=-1, type=click.UNPROCESSED)
 def node(name: str, arguments: tuple[str, ...]) -> int:
-    """Run one of the ROS 2 nodes; what follows the name are ROS arguments.
+    """Run a ROS 2 node; what follows its name are ROS arguments.
+
+    The nodes are sim, policy, recorder, player, tree_learner, monitor and constrained_learner.
 
     \b
     Example: occ node monitor -p constraints_file:=constraints.yaml -r __ns:=/robot1
     """
     from occ_constraints_pkg.nodes import run
 
-    given = list(arguments)
-    if given and '--ros-args' not in given:
-        given.insert(0, '--ros-args')
-    return run(name, given)
+    return run(name, ['--ros-args', *arguments])
 
 
 @cli.command()
@@ -468,9 +494,11 @@ def demo(output: str, train_seconds: float) -> int:
     \b
     Example: occ demo
     """
-    # The page is needed at the end only, but a missing module must show now.
-    import_needed('occ demo', 'occ_constraints_pkg.report.demo_page')
+    # Some are needed at the end only, but a missing module must show now.
+    for module in ('report.demo_page', 'experiments.witness'):
+        import_needed('occ demo', f'occ_constraints_pkg.{module}')
     run_demo = import_needed('occ demo', 'occ_constraints_pkg.experiments.demo').run_demo
+    _end_tidily()
     return run_demo(Path(output), train_seconds=train_seconds)
 
 
@@ -485,6 +513,7 @@ def bench(name: str, seconds: float, as_json: bool) -> None:
     Example: occ bench loop --json
     """
     bench_loop = import_needed('occ bench', 'occ_constraints_pkg.experiments.bench').bench_loop
+    _end_tidily()
     result = bench_loop(seconds)
     if as_json:
         _print_json(result)
@@ -492,6 +521,11 @@ def bench(name: str, seconds: float, as_json: bool) -> None:
     for part in ('metrics', 'peers'):
         for key, value in result[part].items():
             click.echo(f'{key}: {value:.4g}')
+
+
+def _end_tidily() -> None:
+    """Let SIGTERM do what Ctrl-C does: a training is saved, the nodes of a demo are ended."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
 
 
 def _parameters(**values: Any) -> list[str]:
@@ -529,7 +563,8 @@ def _print_json(value: Any) -> None:
 
 
 def _plain(value: Any) -> Any:
-    if isinstance(value, np.generic):
+    if hasattr(value, 'item'):
+        # A NumPy number.
         return value.item()
     raise TypeError(f'cannot write {type(value).__name__} as JSON')
 

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import os
 import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.files import replacing
 from occ_constraints_pkg.worlds.base import Column
 
 _FORMAT = 'occ_constraints policy 1'
@@ -168,7 +168,6 @@ class GaussianPolicy:
         arrays), ``observation_mean``, ``observation_variance``, ``observation_clip``,
         ``weight_0``, ``bias_0``, ``weight_1`` ... and ``log_std``, with the shapes given above.
         """
-        path = Path(path)
         fields = {
             'format': np.array(_FORMAT),
             'world': np.array(self.world),
@@ -182,10 +181,8 @@ class GaussianPolicy:
         for layer, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
             fields[f'weight_{layer}'] = weight
             fields[f'bias_{layer}'] = bias
-        part = path.with_name(path.name + '.part')
-        with part.open('wb') as file:
+        with replacing(path) as draft, draft.open('wb') as file:
             np.savez(file, **fields)
-        os.replace(part, path)
 
     @classmethod
     def load(cls, path: Path | str) -> GaussianPolicy:

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import pickle
 import time
 from collections.abc import Sequence
@@ -26,6 +25,7 @@ from occ_constraints_pkg.agents.policy import GaussianPolicy, column_names
 from occ_constraints_pkg.agents.rollout import Episodes, Normaliser, Rollout, advantages
 from occ_constraints_pkg.agents.settings import PPOLagrangianConfig, TrainingMetrics
 from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.files import replacing
 from occ_constraints_pkg.worlds.base import Column
 from occ_constraints_pkg.worlds.stream import StepBatch
 
@@ -84,7 +84,7 @@ class PPOLagrangian:
         # All chance comes from this one generator, so that a checkpoint need hold no other state
         # and CPU and GPU draw alike.
         self._rng = np.random.default_rng(seed)
-        self._device = _device(config.device)
+        self._device = torch_device(config.device)
         torch.set_num_threads(config.threads)
         k, a = len(self.columns), len(self.action_columns)
         self._actor = _mlp((k, *config.hidden, a), 0.01, self._rng)
@@ -406,9 +406,12 @@ class PPOLagrangian:
                 'sums': torch.from_numpy(episodes.sums),
                 'whole': torch.from_numpy(episodes.whole),
             }
-        part = path.with_name(path.name + '.part')
-        torch.save(state, part)
-        os.replace(part, path)
+        with replacing(path) as draft:
+            try:
+                torch.save(state, draft)
+            except RuntimeError as error:
+                # What torch makes of a full disk.
+                raise OSError(f'torch says: {str(error).splitlines()[0]}') from error
 
     @classmethod
     def load(cls, path: Path | str, *, device: str | None = None) -> PPOLagrangian:
@@ -479,8 +482,15 @@ class PPOLagrangian:
         self._episodes.whole = stream['whole'].numpy()
 
 
-def _device(name: str) -> torch.device:
-    """Return the device, or refuse one that this machine does not have."""
+def torch_device(name: str) -> torch.device:
+    """Return the device.
+
+    Args:
+        name: ``cpu`` or ``cuda``.
+
+    Raises:
+        OccError: this machine does not have it.
+    """
     if name not in ('cpu', 'cuda') or (name == 'cuda' and not torch.cuda.is_available()):
         here = 'cpu, cuda' if torch.cuda.is_available() else 'cpu'
         raise OccError(f'learner setting device is {name!r}; this machine has {here}')

@@ -23,6 +23,7 @@ def learn_from_recordings(
     *,
     rng: np.random.Generator,
     progress: Callable[[int, int], None] | None = None,
+    warn: Callable[[str], None] | None = None,
 ) -> Constraints:
     """Extract the features of recordings and learn constraints from them.
 
@@ -32,12 +33,13 @@ def learn_from_recordings(
         settings: the tree learner's parameters.
         rng: chooses the held-out episodes.
         progress: called with (messages read, messages in all).
+        warn: called with a sentence for each thing that is damaged, and for samples left out.
 
     Raises:
         OccError: a recording cannot be read or lacks a mapped topic, or no sample is usable.
     """
     data = extract(paths, feature_map, progress=progress)
-    return learn(
+    constraints = learn(
         data.values,
         data.episodes,
         feature_map.space,
@@ -46,3 +48,13 @@ def learn_from_recordings(
         feature_map=feature_map.to_document(),
         bags=data.sources,
     )
+    if warn is not None:
+        for sentence in data.warnings:
+            warn(sentence)
+        unusable = constraints.learner['unusable_samples']
+        if unusable:
+            warn(
+                f'{unusable} of {len(data)} samples were left out: a value was missing, not finite '
+                'or outside its physical bounds'
+            )
+    return constraints

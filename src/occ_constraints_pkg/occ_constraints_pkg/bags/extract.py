@@ -28,8 +28,9 @@ class FeatureRows:
         stamp_ns: the message's header stamp, or its arrival where it has none.
         values: (rows, k) float64, one row per robot; NaN where a value is missing or stale.
         table: the pace message as a table, when it is one.
-        repeat: whether the message has the same header stamp as the one before: a simulation
-            repeats its last observation when nothing answers it. Whoever counts rows skips it.
+        repeat: whether header stamp and values are those of the row before: a simulation repeats
+            its last observation when nothing answers it. Whoever counts rows skips it. Other values
+            under the same stamp are news, from a sensor whose clock stands still.
     """
 
     stamp_ns: int
@@ -60,7 +61,7 @@ class FeatureExtractor:
             for key, places in groups.items()
         }
         self._held: dict[str, _Held] = {}
-        self._last_stamp: int | None = None
+        self._last: tuple[int | None, np.ndarray] = (None, np.empty((0, 0)))
 
     def push(self, topic: str, message: Any, receive_time_ns: int) -> FeatureRows | None:
         """Take one message; return rows if it is of the pace topic.
@@ -83,8 +84,6 @@ class FeatureExtractor:
         if key != self._pace:
             self._held[key] = _Held(message, stamp, receive_time_ns)
             return None
-        repeat = stamp is not None and stamp == self._last_stamp
-        self._last_stamp = stamp
         values, table = reader.read(message)
         if len(reader.places) < len(self.feature_map.features):
             own, values = values, np.full((len(values), len(self.feature_map.features)), np.nan)
@@ -92,6 +91,10 @@ class FeatureExtractor:
             for other, held in self._held.items():
                 if held.age_ns(stamp, receive_time_ns) <= self._max_age_ns:
                     self._fill(values, other, held)
+        last_stamp, last_values = self._last
+        repeat = stamp is not None and stamp == last_stamp
+        repeat = repeat and np.array_equal(values, last_values, equal_nan=True)
+        self._last = stamp, values
         return FeatureRows(receive_time_ns if stamp is None else stamp, values, table, repeat)
 
     def _fill(self, values: np.ndarray, key: str, held: _Held) -> None:

@@ -21,6 +21,7 @@ from occ_constraints_pkg.documents import (
     validate,
 )
 from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.rules.constraints_file import Constraints
 from occ_constraints_pkg.rules.space import Feature, FeatureSpace
 
 SCHEMA = load_schema(__package__, 'feature_map.schema.json')
@@ -49,8 +50,9 @@ class FeatureSource:
             :class:`~occ_constraints_pkg.rules.space.Feature`.
         missing: meaning of a range that was not measured: ``unknown`` leaves it as it is, so that
             one that is not finite makes the verdict UNKNOWN; ``max_range`` puts the message's
-            ``range_max`` where a scanner reports +Inf, NaN or 0. -Inf, which REP 117 defines as
-            an object too close to measure, is never replaced.
+            ``range_max`` where a scanner reports +Inf, NaN or 0, unless all of an array's values
+            are NaN or 0: then the scanner is blind, and the value is missing. -Inf, which REP 117
+            defines as an object too close to measure, is never replaced.
     """
 
     name: str
@@ -165,6 +167,28 @@ def load_feature_map(name_or_path: str | Path) -> FeatureMap:
             f'maps {", ".join(BUILT_IN_MAPS)}'
         )
     return FeatureMap.from_document(parse_yaml(text, name), name, text=text)
+
+
+def map_of(constraints: Constraints, where: str) -> FeatureMap:
+    """Return the feature map that a constraints file carries.
+
+    Args:
+        constraints: the file's content.
+        where: what errors call it.
+
+    Raises:
+        OccError: there is none, it is not valid, or it gives other features than the rules name.
+    """
+    if constraints.feature_map is None:
+        raise OccError(f'{where} has no feature_map, so no topic gives its features')
+    feature_map = FeatureMap.from_document(constraints.feature_map, where)
+    names = constraints.rule_set.space.names
+    if feature_map.names != names:
+        raise OccError(
+            f'{where}: feature_map gives {", ".join(feature_map.names)}, but the rules speak '
+            f'of {", ".join(names)}'
+        )
+    return feature_map
 
 
 def topic_key(topic: str) -> str:

@@ -78,7 +78,11 @@ class FieldReader:
         if numbers.size == 0:
             return math.nan
         if self._source.missing == 'max_range':
-            numbers = np.where(_unmeasured(numbers), self._range_max(message), numbers)
+            furthest = self._range_max(message)
+            if not (numbers > 0).any() and not np.isneginf(numbers).any():
+                # Not one beam returned or says "nothing in range" (+Inf): the scanner is blind.
+                return math.nan
+            numbers = np.where(_unmeasured(numbers), furthest, numbers)
         return float(_REDUCTIONS[self._source.reduce](numbers))
 
     def _number(self, value: Any) -> float:

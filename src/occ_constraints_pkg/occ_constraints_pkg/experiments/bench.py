@@ -20,6 +20,7 @@ from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian, PPOLagrangi
 from occ_constraints_pkg.agents.rule_cost import RuleCost
 from occ_constraints_pkg.agents.training import train
 from occ_constraints_pkg.bags.feature_map import load_feature_map
+from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.experiments.processes import nodes_running, private_domain
 from occ_constraints_pkg.learning.learn import learn
 from occ_constraints_pkg.rules.constraints_file import Constraints
@@ -141,13 +142,19 @@ def _train_over_topics(
         'sim': {'world': _WORLD, 'num_robots': _ROBOTS, 'seed': seed, 'wait_for_subscribers': 2},
     }
     with nodes_running(nodes, directory, private_domain()) as running:
-        running['constrained_learner'].wait(seconds + _START_SECONDS)
-    lines = (output / 'metrics.jsonl').read_text(encoding='utf-8').splitlines()
+        running['constrained_learner'].wait(seconds + _START_SECONDS, *running.values())
+    log = output / 'metrics.jsonl'
+    lines = log.read_text(encoding='utf-8').splitlines() if log.exists() else []
     return [json.loads(line) for line in lines]
 
 
 def _steps_per_second(history: list[dict[str, Any]]) -> float:
     """Return transitions per second after the first update, updates included."""
+    if len(history) < 2:
+        raise OccError(
+            f'the measured time was too short for two updates of the policy; got {len(history)}, '
+            'allow more with --seconds'
+        )
     steps = np.diff([item['steps'] for item in history])
     rates = np.array([item['steps_per_s'] for item in history[1:]])
     return float(steps.sum() / (steps / rates).sum())

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -21,6 +20,7 @@ from occ_constraints_pkg.agents.rule_cost import RuleCost
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.experiments.drives import record_drives
 from occ_constraints_pkg.experiments.processes import nodes_running, private_domain
+from occ_constraints_pkg.files import make_directory, set_aside
 from occ_constraints_pkg.rules.constraints_file import Constraints, load_constraints
 from occ_constraints_pkg.worlds.registry import make_world
 
@@ -29,6 +29,7 @@ _DEMONSTRATORS, _DEMONSTRATIONS_EACH = 10, 5
 _WATCHED_ROBOTS = 10
 _TRAINED_ROBOTS = 128
 _TEST_EPISODES = 32
+_MARKER = '.occ_demo'
 # Cost per episode that the published results on this task allow.
 _COST_LIMIT = 25.0
 _STAGE_SECONDS = 120.0
@@ -40,7 +41,7 @@ def run_demo(output: Path, *, train_seconds: float = 120.0) -> int:
 
     Args:
         output: directory for the bag, the constraints file, logs, pictures and the page; what an
-            earlier demo left there is replaced.
+            earlier demo left there is moved aside.
         train_seconds: wall time of the training.
 
     Returns:
@@ -68,7 +69,6 @@ def run_demo(output: Path, *, train_seconds: float = 120.0) -> int:
     )
     click.echo(f'      {_DEMONSTRATORS * _DEMONSTRATIONS_EACH} episodes are in {bag}')
     _say(2, 'the tree_learner node reads the bag and learns where demonstrations end')
-    _say(3, 'an unconstrained driver drives; the monitor node judges every state')
     watched = _learn_and_watch(bag, rules, output / 'logs' / '2_watch', domain)
     constraints = load_constraints(rules)
     _print_watch(watched)
@@ -112,6 +112,7 @@ def _learn_and_watch(bag: Path, rules: Path, logs: Path, domain: int) -> dict[st
 
         witness.spin_until(learned, _STAGE_SECONDS)
         click.echo(_indented(describe_rules(load_constraints(rules))))
+        _say(3, 'an unconstrained driver drives; the monitor node judges every state')
         witness.wait_for_monitor(1)
         episode = {
             'sim': {
@@ -136,7 +137,7 @@ def _learn_and_watch(bag: Path, rules: Path, logs: Path, domain: int) -> dict[st
         **heard.agreement(),
         'observations': len(heard.true_cost),
         'costs': len(heard.costs),
-        'violations': len(heard.violations),
+        'violations': len(heard.violations.keys() & heard.costs.keys()),
         'example': {} if first is None else {v.key: v.value for v in first.status[1].values},
     }
 
@@ -200,18 +201,15 @@ def _compare(trained: Path, constraints: Constraints) -> dict[str, dict[str, flo
 
 
 def _prepare(output: Path) -> None:
-    marker = output / '.occ_demo'
-    if output.exists() and any(output.iterdir()) and not marker.exists():
-        raise OccError(
-            f'{output} exists and is not the output of a demo; name another directory with -o'
-        )
-    if output.exists():
-        shutil.rmtree(output)
-    try:
-        output.mkdir(parents=True)
-        marker.touch()
-    except OSError as error:
-        raise OccError(f'cannot write to {output}: {error.strerror}') from error
+    """Make room for a new demo; what an earlier one left, and a person may have edited, is kept."""
+    if output.is_dir() and any(output.iterdir()):
+        if not (output / _MARKER).exists():
+            raise OccError(
+                f'{output} exists and is not the output of a demo; name another directory with -o'
+            )
+        click.echo(f'      the earlier demo is now in {set_aside(output)}')
+    make_directory(output)
+    (output / _MARKER).touch()
 
 
 def _check(running: dict) -> None:

@@ -50,4 +50,4 @@ def record_drives(
         },
     }
     with nodes_running(nodes, logs, domain) as running:
-        running['sim'].wait(_SECONDS)
+        running['sim'].wait(_SECONDS, *running.values())

@@ -9,6 +9,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,6 +19,7 @@ from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.stopping import PARENT_VARIABLE
 
 _STOP_SECONDS = 15.0
+_LOOK_SECONDS = 0.05
 
 
 class NodeProcess:
@@ -26,6 +28,7 @@ class NodeProcess:
     Attributes:
         name: the node's name.
         log: the file that takes its output.
+        was_killed: whether it was sent SIGKILL, here or for being stuck.
 
     Args:
         name: of the node.
@@ -48,6 +51,7 @@ class NodeProcess:
         for key, value in parameters.items():
             arguments += ['-p', f'{key}:={_yaml(value)}']
         self.name = name
+        self.was_killed = False
         directory.mkdir(parents=True, exist_ok=True)
         self.log = directory / f'{name}.log'
         with self.log.open('ab') as output:
@@ -78,23 +82,41 @@ class NodeProcess:
     def send_signal(self, number: signal.Signals) -> None:
         """Send a signal to the process."""
         if self.is_running:
+            self.was_killed |= number == signal.SIGKILL
             self._process.send_signal(number)
 
-    def wait(self, seconds: float) -> int:
-        """Wait for the end and return the exit code.
+    def wait(self, seconds: float, *others: NodeProcess) -> None:
+        """Wait for the end.
+
+        Args:
+            seconds: how long.
+            *others: nodes that it needs, which may end before it but not with an error.
 
         Raises:
-            OccError: it has not ended in time, or with an error; the end of its output is told.
+            OccError: it has not ended in time, or one of them has ended with an error; then the
+                end of that one's output is told.
         """
-        try:
-            code = self._process.wait(seconds)
-        except subprocess.TimeoutExpired:
+        end = time.monotonic() + seconds
+        while self.is_running and time.monotonic() < end:
+            for other in others:
+                other.raise_error()
+            time.sleep(_LOOK_SECONDS)
+        if self.is_running:
             raise OccError(
                 f'node {self.name} did not end within {seconds:g} s; its output is in {self.log}'
-            ) from None
-        if code:
-            raise OccError(f'node {self.name} ended with code {code}: {self.last_words()}')
-        return code
+            )
+        self.raise_error()
+
+    def raise_error(self) -> None:
+        """Do nothing unless the node has ended with an error.
+
+        Raises:
+            OccError: it has; the end of its output is told.
+        """
+        if self.exit_code:
+            raise OccError(
+                f'node {self.name} ended with code {self.exit_code}: {self.last_words()}'
+            )
 
     def stop(self) -> int:
         """Ask the node to end, as Ctrl-C does, and return its exit code; kill it if it is stuck."""
@@ -106,7 +128,7 @@ class NodeProcess:
         try:
             return self._process.wait(_STOP_SECONDS)
         except subprocess.TimeoutExpired:
-            self._process.kill()
+            self.send_signal(signal.SIGKILL)
             return self._process.wait()
 
     def last_words(self) -> str:
@@ -141,7 +163,7 @@ def nodes_running(
         for process in running.values():
             process.join()
     for process in running.values():
-        process.wait(0.0)
+        process.raise_error()
 
 
 def environment(domain: int) -> dict[str, str]:

@@ -33,14 +33,15 @@ def prune(rule_set: RuleSet, threshold: float) -> Pruning:
     reward, so a rule that is never violated guards a region nobody wants to visit.
 
     Raises:
-        OccError: the threshold is not within 0 to 1, or no rule was ever tried.
+        OccError: the threshold is not within 0 to 1, no rule was ever tried, or none would remain:
+            an empty formula calls everything safe.
     """
     if not 0.0 <= threshold <= 1.0:
         raise OccError(f'the pruning threshold is {threshold}; allowed is 0 to 1')
     if not any(rule.evaluated for rule in rule_set.rules if rule.enabled):
         raise OccError(
-            'no enabled rule has been evaluated yet, so there is nothing to prune by; run the '
-            'monitor or the learner with these rules first'
+            'no enabled rule has been evaluated yet, so there is nothing to prune by; count '
+            'first, with occ check --count, the monitor or the learner'
         )
     rules, pruned, untried = [], [], []
     for rule in rule_set.rules:
@@ -54,4 +55,9 @@ def prune(rule_set: RuleSet, threshold: float) -> Pruning:
             rule = replace(rule, enabled=False, note=note)
             pruned.append(rule.id)
         rules.append(rule)
+    if not any(rule.enabled for rule in rules):
+        raise OccError(
+            f'a pruning threshold of {threshold:g} would disable every rule, and a formula without '
+            'rules calls everything safe; choose a smaller one'
+        )
     return Pruning(replace(rule_set, rules=tuple(rules)), tuple(pruned), tuple(untried))

@@ -7,7 +7,6 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 
-from occ_constraints_pkg.documents import did_you_mean
 from occ_constraints_pkg.errors import OccError, import_needed
 from occ_constraints_pkg.stopping import stop_request
 
@@ -40,6 +39,9 @@ def node_main(name: str) -> Callable[[list[str] | None], int]:
         OccError: there is no such node, or a package that it needs is not installed.
     """
     if name not in NODES:
+        # Imported late, for until `run` listens to signals they end the process with noise.
+        from occ_constraints_pkg.documents import did_you_mean
+
         hint = did_you_mean(name, NODES) or ';'
         raise OccError(f'there is no node {name!r}{hint} the nodes are {", ".join(NODES)}')
     return import_needed(f'node {name!r}', f'{__name__}.{name}').main

@@ -4,18 +4,19 @@
 
 from __future__ import annotations
 
-import json
 import math
 import time
-from pathlib import Path
 
 import numpy as np
 from sensor_msgs.msg import PointCloud2
 
-from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian, PPOLagrangianConfig
-from occ_constraints_pkg.agents.training import append_metrics
+from occ_constraints_pkg.agents.ppo_lagrangian import (
+    PPOLagrangian,
+    PPOLagrangianConfig,
+    torch_device,
+)
+from occ_constraints_pkg.agents.training import TrainingDirectory
 from occ_constraints_pkg.bags.table import Table
-from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.ros.lockstep import Pairing
 from occ_constraints_pkg.ros.messages import table_message, to_nanoseconds
 from occ_constraints_pkg.ros.process import OccNode, run_node
@@ -52,13 +53,9 @@ class ConstrainedLearner(OccNode):
             ),
             device=self.parameter('device', defaults.device, 'torch device, cpu or cuda'),
         )
-        self._output = Path(output)
-        try:
-            self._output.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise OccError(f'cannot write to {output}: {error.strerror}') from error
-        self._log = self._output / 'metrics.jsonl'
-        self._log.unlink(missing_ok=True)
+        # Refused now, not when the first observation comes.
+        torch_device(self._config.device)
+        self._directory = TrainingDirectory(output)
         self._learner: PPOLagrangian | None = None
         self._kind: type[World] | None = None
         self._step_ns = 0
@@ -113,6 +110,9 @@ class ConstrainedLearner(OccNode):
         self._learner = PPOLagrangian(
             self._config, kind.columns, kind.action_columns, world, self._seed
         )
+        earlier = self._directory.begin()
+        if earlier:
+            self.get_logger().info(f'an earlier training is now in {earlier}')
         self._began = time.monotonic()
         self.get_logger().info(f'training on {world}')
         return self._learner
@@ -120,7 +120,7 @@ class ConstrainedLearner(OccNode):
     def _report(self, stamp: int) -> None:
         metrics = self._learner.metrics
         numbers = metrics.as_dict()
-        append_metrics(self._log, metrics)
+        self._directory.add(self._learner)
         values = np.array([list(numbers.values())], dtype=np.float64)
         self._training.publish(table_message(Table(tuple(numbers), values), stamp))
         self.get_logger().info(
@@ -130,12 +130,9 @@ class ConstrainedLearner(OccNode):
 
     def close(self) -> None:
         """Save policy and checkpoint, so that a stopped training is not lost."""
-        if self._learner is not None:
-            self._learner.policy().save(self._output / 'policy.npz')
-            self._learner.save(self._output / 'checkpoint.pt')
-            summary = {'steps': self._learner.steps, 'updates': self._learner.updates}
-            (self._output / 'summary.json').write_text(json.dumps(summary), encoding='utf-8')
-            self.get_logger().info(f'policy and checkpoint saved in {self._output}')
+        if self._learner is not None and self._learner.updates:
+            self._directory.save(self._learner)
+            self.get_logger().info(f'policy and checkpoint saved in {self._directory.path}')
 
 
 def main(argv: list[str] | None = None) -> int:

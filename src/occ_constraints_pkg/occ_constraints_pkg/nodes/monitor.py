@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +16,7 @@ from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import MarkerArray
 
 from occ_constraints_pkg.bags.extract import FeatureExtractor, FeatureRows, header_stamp_ns
-from occ_constraints_pkg.bags.feature_map import FeatureMap
+from occ_constraints_pkg.bags.feature_map import map_of
 from occ_constraints_pkg.bags.table import Table
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.learning.pruning import prune
@@ -34,11 +35,12 @@ from occ_constraints_pkg.rules.constraints_file import (
 )
 
 _REPORT_SECONDS = 1.0
+_DISABLED = 'the monitor is disabled'
 
 
 @dataclass
 class _Answer:
-    """What was published for the newest input; published again when the input is repeated."""
+    """What was published for the newest input, for when that is repeated; none if unjudged."""
 
     rows: FeatureRows
     judgement: Judgement
@@ -114,15 +116,7 @@ class Monitor(OccNode):
             self.get_logger().error(f'rule set refused, the one before stays: {error}')
 
     def _use(self, constraints: Constraints, where: str) -> None:
-        if constraints.feature_map is None:
-            raise OccError(f'{where} has no feature_map, so no topic gives its features')
-        feature_map = FeatureMap.from_document(constraints.feature_map, where)
-        rule_set = constraints.rule_set
-        if feature_map.names != rule_set.space.names:
-            raise OccError(
-                f'{where}: feature_map gives {", ".join(feature_map.names)}, but the rules speak '
-                f'of {", ".join(rule_set.space.names)}'
-            )
+        feature_map, rule_set = map_of(constraints, where), constraints.rule_set
         # The same topics are kept, so that no message is missed when only the rules change.
         if self._extractor is None or self._extractor.feature_map != feature_map:
             topics = MappedTopics(self, feature_map, self._on_input)
@@ -139,7 +133,8 @@ class Monitor(OccNode):
             self.get_logger().warning(f'{where} enables no rule, so nothing will be a violation')
 
     def _on_input(self, topic: str, message: Any) -> None:
-        now = self.get_clock().now().nanoseconds
+        # Wall time, for the ROS clock may stand still, and ages with it.
+        now = time.time_ns()
         try:
             rows = self._extractor.push(topic, message, now)
             if rows is not None and not len(rows.values):
@@ -147,25 +142,32 @@ class Monitor(OccNode):
         except OccError as error:
             self._heard, self._is_stale = self.steady_seconds(), False
             self.get_logger().error(f'input refused: {error}', throttle_duration_sec=1.0)
+            self._answer = None
             self._say_unknown(str(error), header_stamp_ns(message) or now)
             return
         if rows is None:
             return
+        answer = self._answer
+        if rows.repeat and answer is not None:
+            # Nothing new: in lock-step somebody may wait for the answer, but a sensor that only
+            # repeats itself must not pass for a live one.
+            self._costs.publish(table_message(costs_table(answer.judgement), rows.stamp_ns))
+            if not self._is_stale:
+                self._publish_verdict(answer)
+            return
         self._heard, self._is_stale = self.steady_seconds(), False
         if not self._enabled:
-            self._say_unknown('the monitor is disabled', rows.stamp_ns)
+            self._say_unknown(_DISABLED, rows.stamp_ns)
             return
-        answer = self._answer
-        if not rows.repeat or answer is None or answer.rows.stamp_ns != rows.stamp_ns:
-            judgement = self._constraints.rule_set.judge(rows.values)
-            self._counts.add(judgement)
-            self._answer = answer = _Answer(rows, judgement)
-        self._publish(answer)
+        judgement = self._constraints.rule_set.judge(rows.values)
+        self._counts.add(judgement)
+        self._answer = answer = _Answer(rows, judgement)
+        self._costs.publish(table_message(costs_table(judgement), rows.stamp_ns))
+        self._publish_verdict(answer)
 
-    def _publish(self, answer: _Answer) -> None:
+    def _publish_verdict(self, answer: _Answer) -> None:
         judgement, stamp = answer.judgement, answer.rows.stamp_ns
         self._problem, self._stamp_ns = '', stamp
-        self._costs.publish(table_message(costs_table(judgement), stamp))
         self._cost.publish(Float64(data=float(judgement.cost[0])))
         rule_set, values = self._constraints.rule_set, answer.rows.values
         if self._violation.get_subscription_count():
@@ -182,7 +184,7 @@ class Monitor(OccNode):
             self._say_stale()
 
     def _say_stale(self) -> None:
-        reason = self._topics.problem() or f'no input for {self._timeout:g} s'
+        reason = self._topics.problem() or f'no new input for {self._timeout:g} s'
         self._say_unknown(reason, self._stamp_ns)
 
     def _say_unknown(self, reason: str, stamp_ns: int) -> None:
@@ -220,6 +222,7 @@ class Monitor(OccNode):
                 pruned.save(self._pruned_file)
             kept = len(result.rule_set.order)
             self._constraints, self._counts = pruned, RuleCounts(result.rule_set)
+            self._answer, self._problem = None, 'no input since the rules were pruned'
             response.success = True
             response.message = (
                 f'pruned {len(result.pruned)} rules, kept {kept}'
@@ -239,7 +242,8 @@ class Monitor(OccNode):
     def _on_enable(self, request: Any, response: Any) -> Any:
         self._enabled = bool(request.data)
         if not self._enabled:
-            self._say_unknown('the monitor is disabled', self._stamp_ns)
+            self._answer = None
+            self._say_unknown(_DISABLED, self._stamp_ns)
         response.success, response.message = True, 'enabled' if self._enabled else 'disabled'
         return response
 

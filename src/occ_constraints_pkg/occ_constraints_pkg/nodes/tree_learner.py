@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import fields
 from typing import Any
 
@@ -65,7 +66,13 @@ class TreeLearner(OccNode):
         if bags:
             self.get_logger().info(f'learning from {", ".join(bags)}')
             with stop_request.interrupting():
-                constraints = learn_from_recordings(bags, self._map, self._settings, rng=self._rng)
+                constraints = learn_from_recordings(
+                    bags,
+                    self._map,
+                    self._settings,
+                    rng=self._rng,
+                    warn=self.get_logger().warning,
+                )
             self._hand_out(constraints)
             if exit_when_done:
                 self.finish()
@@ -74,7 +81,7 @@ class TreeLearner(OccNode):
 
     def _on_input(self, topic: str, message: Any) -> None:
         try:
-            rows = self._extractor.push(topic, message, self.get_clock().now().nanoseconds)
+            rows = self._extractor.push(topic, message, time.time_ns())
         except OccError as error:
             self.get_logger().error(f'input refused: {error}', throttle_duration_sec=1.0)
             return

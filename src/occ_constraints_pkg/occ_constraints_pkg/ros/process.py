@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 from collections.abc import Callable, Sequence
 from functools import wraps
@@ -29,6 +30,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from rclpy.timer import Timer
 from rclpy.utilities import remove_ros_args
+from rclpy.validate_topic_name import validate_topic_name
 
 from occ_constraints_pkg.documents import did_you_mean
 from occ_constraints_pkg.errors import OccError
@@ -39,6 +41,9 @@ from occ_constraints_pkg.stopping import PARENT_VARIABLE, stop_request
 _LOOK_SECONDS = 0.2
 # How long the last messages may take to reach subscribers that are there.
 _LEAVE_SECONDS = 1.0
+
+# Parameters that rclpy declares by itself.
+_NOT_OURS = ('qos_overrides.', 'start_type_description_service', 'use_sim_time')
 
 _Value = TypeVar('_Value', bool, int, float, str, list)
 
@@ -94,12 +99,13 @@ class OccNode(Node):
             OccError: it is no valid name.
         """
         try:
-            return self.resolve_topic_name(topic)
+            validate_topic_name(topic)
         except NameValidationException as error:
             raise OccError(
                 f'{topic!r} cannot name a topic; allowed are letters, digits and _, joined by /, '
                 'and no digit first'
             ) from error
+        return self.resolve_topic_name(topic)
 
     def let_leave(self, *publishers: Publisher) -> None:
         """Wait, not for long, until reliable subscribers have what was published last."""
@@ -164,7 +170,7 @@ class OccNode(Node):
 
         Call it when all have been declared.
         """
-        known = [name for name in self._parameters if not name.startswith('qos_overrides.')]
+        known = [name for name in self._parameters if not name.startswith(_NOT_OURS)]
         for name in self._parameter_overrides:
             # Those of QoS belong to subscriptions, which may come later.
             if not (self.has_parameter(name) or name.startswith('qos_overrides.')):
@@ -185,6 +191,9 @@ class OccNode(Node):
             return
         if isinstance(default, float) and override.type_ == Parameter.Type.INTEGER:
             self._parameter_overrides[name] = Parameter(name, value=float(override.value))
+        elif isinstance(default, list) and not override.value:
+            # rclpy gives an empty list as no value at all.
+            del self._parameter_overrides[name]
         elif isinstance(default, list) and override.type_ == Parameter.Type.STRING:
             self._parameter_overrides[name] = Parameter(name, value=[override.value])
 
@@ -239,17 +248,17 @@ def tell(error: OccError | OSError) -> int:
 
 
 def _initialise(argv: list[str]) -> None:
+    allowed = 'allowed are ROS arguments such as -p NAME:=VALUE, -r FROM:=TO, --params-file FILE'
     try:
         rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
+        other = remove_ros_args(argv)
+    # rclpy has no public type for a malformed command line.
     except Exception as error:
-        # rclpy has no public type for a malformed command line.
-        raise OccError(f'cannot start: {_one_line(error)}') from error
-    other = remove_ros_args(argv)
+        # Without the places in the source of rcl.
+        reason = re.sub(r', at \S+:\d+', '', _one_line(error))
+        raise OccError(f'the arguments are not understood: {reason}; {allowed}') from error
     if other:
-        raise OccError(
-            f'unknown argument {other[0]!r}; allowed are ROS arguments after --ros-args, such as '
-            '-p NAME:=VALUE, -r FROM:=TO, --params-file FILE'
-        )
+        raise OccError(f'unknown argument {other[0]!r}; {allowed}, after --ros-args')
 
 
 def _spin(node: OccNode) -> int:

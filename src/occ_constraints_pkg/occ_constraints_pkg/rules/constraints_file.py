@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import math
-import os
 import shutil
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -23,6 +22,7 @@ from occ_constraints_pkg.documents import (
     validate,
 )
 from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.files import check_is_file_or_nothing, replacing
 from occ_constraints_pkg.rules.rule import Literal, Rule
 from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.rules.space import Feature, FeatureSpace
@@ -94,19 +94,9 @@ class Constraints:
         Raises:
             OccError: the file cannot be written.
         """
-        target = Path(path)
-        draft = target.parent / f'.{target.name}.{os.getpid()}'
         data = self.dumps().encode()
-        try:
-            target.parent.mkdir(parents=True, exist_ok=True)
-            try:
-                draft.write_bytes(data)
-                draft.replace(target)
-            except OSError:
-                draft.unlink(missing_ok=True)
-                raise
-        except OSError as error:
-            raise OccError(f'cannot write {path}: {error.strerror}') from error
+        with replacing(path) as draft:
+            draft.write_bytes(data)
 
 
 def load_constraints(path: str | Path) -> Constraints:
@@ -131,6 +121,7 @@ def save_learned(constraints: Constraints, path: str | Path, *, overwrite: bool 
             or it cannot be written.
     """
     target = Path(path)
+    check_is_file_or_nothing(target)
     if target.exists() and load_constraints(target).is_edited:
         if not overwrite:
             raise OccError(

@@ -121,6 +121,21 @@ def rules_of():
     }
 
 
+@pytest.fixture(scope='session')
+def let_go():
+    """Return a function that subscribes once more to a topic of tables.
+
+    A simulation that waits for this subscription can be started early, along with the others.
+    """
+
+    def subscribe(witness, topic='observation'):
+        from sensor_msgs.msg import PointCloud2
+
+        witness.node.create_subscription(PointCloud2, topic, lambda message: None, 10)
+
+    return subscribe
+
+
 @pytest.fixture
 def trigger(witness):
     """Return a function that calls a service without arguments and returns its answer."""

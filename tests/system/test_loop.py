@@ -35,7 +35,7 @@ class Run:
 
 
 @pytest.fixture(scope='module', params=RUNS)
-def run(request, make_nodes, rules_of):
+def run(request, make_nodes, rules_of, let_go):
     from occ_constraints_pkg.experiments.witness import Witness
 
     world = request.param
@@ -47,10 +47,11 @@ def run(request, make_nodes, rules_of):
     nodes.start('monitor', constraints_file=rules, timeout=30.0)
     nodes.start('recorder', output=bag, topics=list(TOPICS))
     policy = nodes.start('policy', policy=driver, wait_for_costs=True)
+    nodes.start('sim', world=world, num_robots=robots, wait_for_subscribers=5)
     with Witness(nodes.domain) as witness:
         heard = witness.heard
         witness.wait_for_monitor(2)
-        nodes.start('sim', world=world, num_robots=robots, wait_for_subscribers=4)
+        let_go(witness)
         witness.spin_until(lambda: len(heard.true_cost) >= least, 40.0)
         # Without the policy the simulation repeats its last step, which is answered in the end.
         nodes.stop(policy, number=signal.SIGTERM)

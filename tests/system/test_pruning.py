@@ -9,18 +9,19 @@ from occ_constraints_pkg.cli import main
 from occ_constraints_pkg.rules.constraints_file import load_constraints
 
 
-def test_simple_navigation_is_pruned_to_the_rule_of_the_paper(nodes, witness, trigger):
+def test_simple_navigation_is_pruned_to_the_rule_of_the_paper(nodes, witness, trigger, let_go):
     bag, rules, pruned_file = (nodes.folder / name for name in ('bag', 'a.yaml', 'b.yaml'))
-    episode = {'world': 'simple_nav', 'num_robots': 200, 'episodes': 1, 'wait_for_subscribers': 2}
+    episode = {'world': 'simple_nav', 'num_robots': 200, 'episodes': 1, 'wait_for_subscribers': 3}
     # The monitor and the driver that it will watch have a namespace of their own.
     monitor = nodes.start(
         'monitor', namespace='/drive', pruned_file=pruned_file, prune_threshold=0.01
     )
     nodes.start('policy', namespace='/drive', policy='straight', wait_for_costs=True)
+    drive = nodes.start('sim', namespace='/drive', seed=5, **episode)
     recorder = nodes.start('recorder', output=bag, topics='observation')
     nodes.start('policy', policy='expert')
     # The witness listens to observations too.
-    demonstration = nodes.start('sim', **{**episode, 'wait_for_subscribers': 3})
+    demonstration = nodes.start('sim', **episode)
     witness.spin_until(lambda: not demonstration.is_running, 40.0)
     demonstration.raise_error()
     nodes.stop(recorder)
@@ -35,7 +36,7 @@ def test_simple_navigation_is_pruned_to_the_rule_of_the_paper(nodes, witness, tr
         max_depth=2,
     )
     witness.spin_until(lambda: 'enabled rules' in monitor.log.read_text(), 30.0)
-    drive = nodes.start('sim', namespace='/drive', seed=5, **episode)
+    let_go(witness, '/drive/observation')
     witness.spin_until(lambda: not drive.is_running, 40.0)
     drive.raise_error()
     nodes.stop(learner)

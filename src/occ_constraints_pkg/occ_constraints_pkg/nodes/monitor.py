@@ -58,11 +58,7 @@ class Monitor(OccNode):
             'timeout', 1.0, 'seconds without input until the verdict is UNKNOWN', low=0.01
         )
         self._threshold = self.parameter(
-            'prune_threshold',
-            0.001,
-            'share of violations under which ~/prune disables a rule',
-            low=0.0,
-            high=1.0,
+            'prune_threshold', 0.001, 'ratio under which ~/prune disables rules', low=0.0, high=1.0
         )
         self._pruned_file = self.parameter(
             'pruned_file', '', 'where ~/prune writes the constraints file; none: nowhere'

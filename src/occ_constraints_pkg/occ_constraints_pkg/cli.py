@@ -94,6 +94,12 @@ def cli(context: click.Context) -> None:
     help='Write rules with all bounds above them, as the paper does, not only those they need.',
 )
 @click.option(
+    '--faithful',
+    is_flag=True,
+    help="The tree article's settings (density, gamma 0.05, alpha 0.5, beta 0.02, nu 0.1, full "
+    'conditions); --gamma and --alpha, if given, change them, and --depth replaces nu.',
+)
+@click.option(
     '--seed',
     default=0,
     type=click.IntRange(min=0),
@@ -112,6 +118,7 @@ def learn(
     gamma: float,
     alpha: float,
     full_conditions: bool,
+    faithful: bool,
     seed: int,
     overwrite: bool,
     as_json: bool,
@@ -135,6 +142,8 @@ def learn(
         alpha=alpha,
         full_conditions=full_conditions,
     )
+    if faithful:
+        settings = _article_settings(settings)
     with _progress('reading') as progress:
         constraints = learn_from_recordings(
             bags,
@@ -161,6 +170,27 @@ def learn(
         )
     )
     click.echo(f'Written to {output}')
+
+
+def _article_settings(given: OCTreeSettings) -> OCTreeSettings:
+    """Return the article's settings, but for those named on the command line."""
+    context = click.get_current_context()
+    named = {
+        name
+        for name in context.params
+        if context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE
+    }
+    if 'contamination' in named or ('clip' in named and given.clip != 'density'):
+        raise OccError(
+            '--faithful clips by density and knows no contamination; allowed beside it are '
+            '--depth, --gamma and --alpha'
+        )
+    overrides: dict[str, Any] = {
+        name: getattr(given, name) for name in ('gamma', 'alpha') if name in named
+    }
+    if 'depth' in named:
+        overrides.update(max_depth=given.max_depth, nu=None)
+    return OCTreeSettings.article(**overrides)
 
 
 def describe_rules(constraints: Any, *, counters: bool = False) -> str:
@@ -521,6 +551,50 @@ def bench(name: str, seconds: float, as_json: bool) -> None:
     for part in ('metrics', 'peers'):
         for key, value in result[part].items():
             click.echo(f'{key}: {value:.4g}')
+
+
+@cli.group()
+def experiment() -> None:
+    """Repeat published experiments."""
+
+
+@experiment.command()
+@click.option('-o', '--output', default='results', show_default=True, type=click.Path())
+@click.option('--splits', default=20, show_default=True, help='Random splits per line.')
+@click.option('--seed', default=0, show_default=True)
+@click.option(
+    '--data',
+    type=click.Path(),
+    help='Folder of the CSV files; default: oneclass in OCC_TEST_DATA or in ../shared/data.',
+)
+@click.option('--set', 'sets', multiple=True, help='Run only this data set; may be repeated.')
+@_JSON
+def article(
+    output: str, splits: int, seed: int, data: str | None, sets: tuple[str, ...], as_json: bool
+) -> None:
+    """Repeat the tree article's benchmark; writes article.json and article.md.
+
+    A stopped run goes on where it was. Needs scikit-learn.
+
+    \b
+    Example: occ experiment article --set Iris -o results
+    """
+    module = import_needed('occ experiment', 'occ_constraints_pkg.experiments.article')
+    with _progress('lines') as progress:
+        result = module.run_article(
+            Path(output),
+            splits=splits,
+            seed=seed,
+            folder=Path(data) if data else None,
+            names=sets,
+            progress=progress,
+        )
+    for reason in result['skipped'].values():
+        click.echo(f'skipped: {reason}', err=True)
+    if as_json:
+        _print_json(result)
+        return
+    click.echo((Path(output) / 'article.md').read_text(encoding='utf-8'))
 
 
 def _end_tidily() -> None:

@@ -12,6 +12,7 @@ _EXTRAS = {
     'mujoco': 'train',
     'matplotlib': 'report',
     'jinja2': 'report',
+    'sklearn': 'dev',
     'rclpy': 'ros',
 }
 

@@ -14,6 +14,7 @@ _EXTRAS = {
     'jinja2': 'report',
     'sklearn': 'dev',
     'rclpy': 'ros',
+    'sklearn': 'dev',
 }
 
 
@@ -26,7 +27,7 @@ class OccError(Exception):
 
 
 def import_needed(what: str, module: str) -> Any:
-    """Import a module of ours that needs an extra.
+    """Import a module of ours that needs an extra, or a module that comes with one.
 
     Args:
         what: who needs it, for the message.

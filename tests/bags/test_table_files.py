@@ -67,6 +67,22 @@ def test_an_archive_may_say_everything(npz):
     np.testing.assert_array_equal(data.true_cost, [0, 1, 0, 1, 0, 1])
 
 
+def test_families(npz):
+    features = tuple(Feature(name, 'm', 0.0, 9.0, 'lidar') for name in ('left', 'right'))
+    _, space = read_tables(
+        [
+            npz(
+                features=ROWS,
+                names=['left', 'right'],
+                units=['m', 'm'],
+                families=['lidar', 'lidar'],
+                bounds=[[0, 9], [0, 9]],
+            )
+        ]
+    )
+    assert space == FeatureSpace(features)
+
+
 def test_the_first_of_three_axes_is_the_episode(npz):
     values = np.arange(24.0).reshape(3, 4, 2)
     data, _ = read_tables([npz(features=values, true_cost=values[..., 0])])

@@ -10,7 +10,7 @@ import itertools
 import zipfile
 import zlib
 from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -69,12 +69,12 @@ def read_tables(
 ) -> tuple[Dataset, FeatureSpace]:
     """Read table files, one below the other.
 
-    ``.npz``: ``features`` of shape (rows, k) or (episodes, rows, k); optional ``names`` (k),
-    ``units`` (k), ``bounds`` (k, 2) with infinities for none, ``cost`` of one number per row, and,
-    where ``features`` has two axes, ``episode`` of one number per row. Without names the features
-    are called x0, x1 and so on. Pickled objects are refused. ``.csv`` and ``.parquet``: every
-    column is a feature but ``episode`` and ``cost``; an empty cell is a missing value. A cost may
-    be called ``true_cost`` too. A file that does not tell episodes apart is one episode.
+    ``.npz``: ``features`` of shape (rows, k) or (episodes, rows, k); optional ``names``, ``units``
+    and ``families`` (k), ``bounds`` (k, 2) with infinities for none, ``cost`` of one number per
+    row, and, where ``features`` has two axes, ``episode`` of one number per row. Without names the
+    features are called x0, x1 and so on. Pickled objects are refused. ``.csv`` and ``.parquet``:
+    every column is a feature but ``episode`` and ``cost``; an empty cell is a missing value. A
+    cost may be called ``true_cost`` too. A file that does not tell episodes apart is one episode.
 
     Args:
         paths: files that end in .npz, .csv or .parquet.
@@ -144,7 +144,7 @@ def _space(features: tuple[Feature, ...], path: Path) -> FeatureSpace:
             'allowed is a name for each, or to delete the column'
         )
     try:
-        return FeatureSpace(tuple(Feature(f.name, f.unit or '1', f.low, f.high) for f in features))
+        return FeatureSpace(tuple(replace(item, unit=item.unit or '1') for item in features))
     except OccError as error:
         raise OccError(f'{path}: {error}') from error
 
@@ -233,12 +233,16 @@ def _npz_arrays(
             f'its arrays are {", ".join(keys)}'
         )
     cost = _cost_name(keys, path)
-    known = ('features', 'names', 'units', 'bounds', _EPISODE, cost)
+    known = ('features', 'names', 'units', 'families', 'bounds', _EPISODE, cost)
     return {key: archive[key] for key in known if key in keys}, cost
 
 
 def _npz_features(arrays: dict[str, np.ndarray], width: int, path: Path) -> tuple[Feature, ...]:
-    texts = {'names': [f'x{index}' for index in range(width)], 'units': [''] * width}
+    texts = {
+        'names': [f'x{index}' for index in range(width)],
+        'units': [''] * width,
+        'families': [''] * width,
+    }
     for key in texts:
         given = arrays.get(key)
         if given is not None:
@@ -257,8 +261,8 @@ def _npz_features(arrays: dict[str, np.ndarray], width: int, path: Path) -> tupl
                 'smallest and largest possible value of each feature'
             )
     return tuple(
-        Feature(name, unit, float(low), float(high))
-        for name, unit, (low, high) in zip(texts['names'], texts['units'], bounds, strict=True)
+        Feature(name, unit, float(low), float(high), family)
+        for name, unit, family, (low, high) in zip(*texts.values(), bounds, strict=True)
     )
 
 

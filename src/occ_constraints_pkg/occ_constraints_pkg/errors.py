@@ -14,7 +14,6 @@ _EXTRAS = {
     'jinja2': 'report',
     'sklearn': 'dev',
     'rclpy': 'ros',
-    'sklearn': 'dev',
 }
 
 

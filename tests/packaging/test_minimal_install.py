@@ -10,7 +10,9 @@ PROLOGUE = """
 import sys
 class Absent:
     def find_spec(self, name, path=None, target=None):
-        if name.partition('.')[0] in ('torch', 'mujoco', 'rclpy', 'matplotlib', 'jinja2'):
+        if name.partition('.')[0] in (
+            'torch', 'mujoco', 'rclpy', 'matplotlib', 'jinja2', 'sklearn', 'pandas'
+        ):
             raise ModuleNotFoundError(f'No module named {name!r}', name=name)
 sys.meta_path.insert(0, Absent())
 """
@@ -30,6 +32,22 @@ def test_rules_learning_and_bags_import_without_extras():
         '        importlib.import_module(module.name)\n'
     )
     assert done.returncode == 0, done.stderr
+
+
+def test_the_estimator_names_the_extra_it_needs():
+    done = run(
+        'from occ_constraints_pkg.errors import OccError\n'
+        'from occ_constraints_pkg.learning.estimator import OCTreeClassifier\n'
+        'try:\n'
+        '    OCTreeClassifier(max_depth=2)\n'
+        'except OccError as error:\n'
+        '    print(error)\n'
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == (
+        "OCTreeClassifier needs the module 'sklearn', which is not installed: "
+        "pip install 'occ_constraints_pkg[dev]'\n"
+    )
 
 
 def test_show_and_check_explain_themselves_without_extras():

@@ -20,6 +20,7 @@ from occ_constraints_pkg.errors import OccError, import_needed
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 
 _FEATURE_MAP_HELP = 'Feature map: a YAML file, or a built-in name such as PointGoal1.'
+_DATA = click.argument('paths', metavar='DATA...', nargs=-1, required=True, type=click.Path())
 _JSON = click.option('--json', 'as_json', is_flag=True, help='Print one JSON object.')
 
 
@@ -57,8 +58,8 @@ def cli(context: click.Context) -> None:
 
 
 @cli.command()
-@click.argument('bags', nargs=-1, required=True, type=click.Path())
-@click.option('-m', '--map', 'map_name', required=True, help=_FEATURE_MAP_HELP)
+@_DATA
+@click.option('-m', '--map', 'map_name', help=f'{_FEATURE_MAP_HELP} Recordings need one.')
 @click.option('-o', '--output', default='constraints.yaml', show_default=True, type=click.Path())
 @click.option(
     '--depth', default=OCTreeSettings.max_depth, show_default=True, help='Most levels of splits.'
@@ -94,6 +95,12 @@ def cli(context: click.Context) -> None:
     help='Write rules with all bounds above them, as the paper does, not only those they need.',
 )
 @click.option(
+    '--faithful',
+    is_flag=True,
+    help="The tree article's settings (density, gamma 0.05, alpha 0.5, beta 0.02, nu 0.1, full "
+    'conditions); --gamma and --alpha, if given, change them, and --depth replaces nu.',
+)
+@click.option(
     '--seed',
     default=0,
     type=click.IntRange(min=0),
@@ -103,8 +110,8 @@ def cli(context: click.Context) -> None:
 @click.option('--overwrite', is_flag=True, help='Replace a file with edited rules (keeps .bak).')
 @_JSON
 def learn(
-    bags: tuple[str, ...],
-    map_name: str,
+    paths: tuple[str, ...],
+    map_name: str | None,
     output: str,
     depth: int,
     clip: str,
@@ -112,19 +119,21 @@ def learn(
     gamma: float,
     alpha: float,
     full_conditions: bool,
+    faithful: bool,
     seed: int,
     overwrite: bool,
     as_json: bool,
 ) -> None:
-    """Learn constraints from recordings of safe driving.
+    """Learn constraints from safe driving: recordings, or tables (.npz, .csv, .parquet).
 
     \b
     Example: occ learn bags/safe_drive_1 bags/safe_drive_2 -m my_robot.yaml -o constraints.yaml
     """
     import numpy as np
 
-    from occ_constraints_pkg.bags.demonstrations import learn_from_recordings
+    from occ_constraints_pkg.bags.demonstrations import learn_from_recordings, learn_from_tables
     from occ_constraints_pkg.bags.feature_map import load_feature_map
+    from occ_constraints_pkg.bags.table_files import are_table_files
     from occ_constraints_pkg.rules.constraints_file import save_learned
 
     settings = OCTreeSettings(
@@ -135,15 +144,21 @@ def learn(
         alpha=alpha,
         full_conditions=full_conditions,
     )
-    with _progress('reading') as progress:
-        constraints = learn_from_recordings(
-            bags,
-            load_feature_map(map_name),
-            settings,
-            rng=np.random.default_rng(seed),
-            progress=progress,
-            warn=lambda sentence: click.echo(f'warning: {sentence}', err=True),
+    if faithful:
+        settings = _article_settings(settings)
+    rng = np.random.default_rng(seed)
+    feature_map = None if map_name is None else load_feature_map(map_name)
+    if are_table_files(paths):
+        constraints = learn_from_tables(
+            paths, settings, rng=rng, feature_map=feature_map, warn=_warn
         )
+    elif feature_map is None:
+        raise OccError(f'recordings such as {paths[0]} need a feature map: -m FILE or a name')
+    else:
+        with _progress('reading') as progress:
+            constraints = learn_from_recordings(
+                paths, feature_map, settings, rng=rng, progress=progress, warn=_warn
+            )
     save_learned(constraints, output, overwrite=overwrite)
     coverage = constraints.coverage
     if as_json:
@@ -161,6 +176,27 @@ def learn(
         )
     )
     click.echo(f'Written to {output}')
+
+
+def _article_settings(given: OCTreeSettings) -> OCTreeSettings:
+    """Return the article's settings, but for those named on the command line."""
+    context = click.get_current_context()
+    named = {
+        name
+        for name in context.params
+        if context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE
+    }
+    if 'contamination' in named or ('clip' in named and given.clip != 'density'):
+        raise OccError(
+            '--faithful clips by density and knows no contamination; allowed beside it are '
+            '--depth, --gamma and --alpha'
+        )
+    overrides: dict[str, Any] = {
+        name: getattr(given, name) for name in ('gamma', 'alpha') if name in named
+    }
+    if 'depth' in named:
+        overrides.update(max_depth=given.max_depth, nu=None)
+    return OCTreeSettings.article(**overrides)
 
 
 def describe_rules(constraints: Any, *, counters: bool = False) -> str:
@@ -213,7 +249,7 @@ def show(constraints: str, as_json: bool) -> None:
 
 
 @cli.command()
-@click.argument('bags', nargs=-1, required=True, type=click.Path())
+@_DATA
 @click.option('-c', '--constraints', required=True, type=click.Path(), help='Constraints file.')
 @click.option(
     '--count',
@@ -222,28 +258,22 @@ def show(constraints: str, as_json: bool) -> None:
     help='Write the constraints file with counters of these recordings, for `occ prune`.',
 )
 @_JSON
-def check(bags: tuple[str, ...], constraints: str, counted: str | None, as_json: bool) -> int:
-    """Judge recordings by a constraints file; exit code 1 when any sample is not SAFE.
+def check(paths: tuple[str, ...], constraints: str, counted: str | None, as_json: bool) -> int:
+    """Judge recordings or tables by a constraints file; exit code 1 when a sample is not SAFE.
 
     \b
     Example: occ check bags/drive_7 -c constraints.yaml
     """
     import numpy as np
 
-    from occ_constraints_pkg.bags.extract import extract
-    from occ_constraints_pkg.bags.feature_map import map_of
     from occ_constraints_pkg.rules import RuleCounts, Verdict
     from occ_constraints_pkg.rules.constraints_file import load_constraints
 
     loaded = load_constraints(constraints)
-    feature_map = map_of(loaded, constraints)
-    with _progress('reading') as progress:
-        data = extract(bags, feature_map, progress=progress)
-    for warning in data.warnings:
-        click.echo(f'warning: {warning}', err=True)
+    data = _read_for_rules(paths, loaded, constraints)
     rule_set = loaded.rule_set
     if not len(rule_set.order):
-        click.echo(f'warning: {constraints} enables no rule, so nothing is a violation', err=True)
+        _warn(f'{constraints} enables no rule, so nothing is a violation')
     judgement = rule_set.judge(data.values)
     counts = RuleCounts(rule_set)
     counts.add(judgement)
@@ -273,6 +303,40 @@ def check(bags: tuple[str, ...], constraints: str, counted: str | None, as_json:
         for item in broken:
             click.echo(f'  {item["violated"]:>7} x  {item["id"]:<9} {item["text"]}')
     return 0 if shares['SAFE'] == 1.0 else 1
+
+
+@cli.command()
+@click.argument('constraints', type=click.Path())
+@_DATA
+@click.option('--min-f1', type=click.FloatRange(0.0, 1.0), help='Exit code 1 when F1 is below.')
+@_JSON
+def score(constraints: str, paths: tuple[str, ...], min_f1: float | None, as_json: bool) -> int:
+    """Score rules on recordings or tables that carry the true cost.
+
+    For each rule it prints on how many samples the rule is the first true one, on how many it is
+    true at all, and in brackets how many of these are truly costly.
+
+    \b
+    Example: occ score constraints.yaml bags/drive_7 --min-f1 0.9
+    """
+    from occ_constraints_pkg.learning.scoring import score_rules
+    from occ_constraints_pkg.report.scores import describe_score, score_document
+    from occ_constraints_pkg.rules.constraints_file import load_constraints
+
+    loaded = load_constraints(constraints)
+    data = _read_for_rules(paths, loaded, constraints)
+    if data.true_cost is None:
+        raise OccError(
+            f'{", ".join(paths)}: no true cost to score on; needed is a column true_cost in the '
+            'pace topic of a recording, or cost or true_cost in a table'
+        )
+    result = score_rules(loaded.rule_set, data.values, data.true_cost)
+    if as_json:
+        _print_json(score_document(result, loaded.rule_set.space))
+    else:
+        click.echo(describe_score(result, loaded.rule_set.space))
+    # Without flagged and costly samples there is no F1, which is not enough either.
+    return 0 if min_f1 is None or result.overall.f1 >= min_f1 else 1
 
 
 @cli.command()
@@ -523,9 +587,68 @@ def bench(name: str, seconds: float, as_json: bool) -> None:
             click.echo(f'{key}: {value:.4g}')
 
 
+@cli.group()
+def experiment() -> None:
+    """Repeat published experiments."""
+
+
+@experiment.command()
+@click.option('-o', '--output', default='results', show_default=True, type=click.Path())
+@click.option('--splits', default=20, show_default=True, help='Random splits per line.')
+@click.option('--seed', default=0, show_default=True)
+@click.option(
+    '--data',
+    type=click.Path(),
+    help='Folder of the CSV files; default: oneclass in OCC_TEST_DATA or in ../shared/data.',
+)
+@click.option('--set', 'sets', multiple=True, help='Run only this data set; may be repeated.')
+@_JSON
+def article(
+    output: str, splits: int, seed: int, data: str | None, sets: tuple[str, ...], as_json: bool
+) -> None:
+    """Repeat the tree article's benchmark; writes article.json and article.md.
+
+    A stopped run goes on where it was. Needs scikit-learn.
+
+    \b
+    Example: occ experiment article --set Iris -o results
+    """
+    module = import_needed('occ experiment', 'occ_constraints_pkg.experiments.article')
+    with _progress('lines') as progress:
+        result = module.run_article(
+            Path(output),
+            splits=splits,
+            seed=seed,
+            folder=Path(data) if data else None,
+            names=sets,
+            progress=progress,
+        )
+    for reason in result['skipped'].values():
+        click.echo(f'skipped: {reason}', err=True)
+    if as_json:
+        _print_json(result)
+        return
+    click.echo((Path(output) / 'article.md').read_text(encoding='utf-8'))
+
+
 def _end_tidily() -> None:
     """Let SIGTERM do what Ctrl-C does: a training is saved, the nodes of a demo are ended."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
+
+
+def _read_for_rules(paths: tuple[str, ...], constraints: Any, where: str) -> Any:
+    """Read data to judge, and pass on what was wrong with it."""
+    from occ_constraints_pkg.bags.demonstrations import read_for_rules
+
+    with _progress('reading') as progress:
+        data = read_for_rules(paths, constraints, where, progress=progress)
+    for warning in data.warnings:
+        _warn(warning)
+    return data
+
+
+def _warn(sentence: str) -> None:
+    click.echo(f'warning: {sentence}', err=True)
 
 
 def _parameters(**values: Any) -> list[str]:

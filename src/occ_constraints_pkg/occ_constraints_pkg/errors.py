@@ -12,6 +12,7 @@ _EXTRAS = {
     'mujoco': 'train',
     'matplotlib': 'report',
     'jinja2': 'report',
+    'sklearn': 'dev',
     'rclpy': 'ros',
 }
 
@@ -25,7 +26,7 @@ class OccError(Exception):
 
 
 def import_needed(what: str, module: str) -> Any:
-    """Import a module of ours that needs an extra.
+    """Import a module of ours that needs an extra, or a module that comes with one.
 
     Args:
         what: who needs it, for the message.

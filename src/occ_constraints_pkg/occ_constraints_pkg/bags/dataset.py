@@ -19,11 +19,13 @@ class Dataset:
     Attributes:
         names: the features, in order (k of them).
         values: (n, k) float64; NaN where a value was missing or stale.
-        stamps_ns: (n,) int64, the header stamp of the row's pace message, else its arrival.
+        stamps_ns: (n,) int64, the header stamp of the row's pace message, else its arrival; of a
+            table file, the number of the row in the file, from 0.
         episodes: (n,) int64, the same number for rows of one recording, robot and episode.
         true_cost: (n,) float64, the simulated world's own cost, NaN for rows of recordings that
             lack it; None when all lack it.
-        sources: :meth:`Recording.fingerprint` of each recording.
+        sources: :meth:`Recording.fingerprint` of each recording; of a table file ``name``,
+            ``sha256`` and ``rows``.
         warnings: one sentence for each thing that was missing or damaged in a recording.
 
     Raises:

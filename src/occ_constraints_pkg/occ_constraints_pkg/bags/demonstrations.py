@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""From recordings of demonstrations to constraints, in one call."""
+"""From files of demonstrations to constraints in one call, and from files to what rules judge."""
 
 from __future__ import annotations
 
@@ -9,8 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
+from occ_constraints_pkg.bags.dataset import Dataset
 from occ_constraints_pkg.bags.extract import extract
 from occ_constraints_pkg.bags.feature_map import FeatureMap
+from occ_constraints_pkg.bags.table_files import are_table_files, read_tables
+from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.learning.learn import learn
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.rules.constraints_file import Constraints
@@ -48,13 +51,84 @@ def learn_from_recordings(
         feature_map=feature_map.to_document(),
         bags=data.sources,
     )
-    if warn is not None:
-        for sentence in data.warnings:
-            warn(sentence)
-        unusable = constraints.learner['unusable_samples']
-        if unusable:
-            warn(
-                f'{unusable} of {len(data)} samples were left out: a value was missing, not finite '
-                'or outside its physical bounds'
-            )
+    _pass_on(data, constraints, warn)
     return constraints
+
+
+def learn_from_tables(
+    paths: Sequence[str | Path],
+    settings: OCTreeSettings,
+    *,
+    rng: np.random.Generator,
+    feature_map: FeatureMap | None = None,
+    warn: Callable[[str], None] | None = None,
+) -> Constraints:
+    """Read table files and learn constraints from them.
+
+    Args:
+        paths: ``.npz``, ``.csv`` or ``.parquet`` files.
+        settings: the tree learner's parameters.
+        rng: chooses the held-out episodes.
+        feature_map: its features are read from the columns of their names, and it is kept with
+            the rules, so that they can be monitored. None: every column is a feature.
+        warn: called with a sentence for each thing that is damaged, and for samples left out.
+
+    Raises:
+        OccError: a file cannot be read or lacks a feature, or no sample is usable.
+    """
+    data, space = read_tables(paths, None if feature_map is None else feature_map.space)
+    constraints = learn(
+        data.values,
+        data.episodes,
+        space,
+        settings,
+        rng=rng,
+        feature_map=None if feature_map is None else feature_map.to_document(),
+        bags=data.sources,
+    )
+    _pass_on(data, constraints, warn)
+    return constraints
+
+
+def read_for_rules(
+    paths: Sequence[str | Path],
+    constraints: Constraints,
+    where: str,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> Dataset:
+    """Read the features that rules speak of: from recordings by the feature map, or from tables.
+
+    Args:
+        paths: recordings only, or table files only, whose columns are found by name.
+        constraints: the rules, and for recordings their feature map.
+        where: what errors call the constraints.
+        progress: called with (messages read, messages in all); not for tables.
+
+    Raises:
+        OccError: a file cannot be read or lacks a feature, tables and recordings are mixed, or
+            recordings are given and the constraints have no feature map.
+    """
+    if are_table_files(paths):
+        data, _ = read_tables(paths, constraints.rule_set.space)
+        return data
+    if constraints.feature_map is None:
+        raise OccError(
+            f'{where} has no feature_map, so no topic gives its features; '
+            'allowed are tables (.npz, .csv, .parquet) with columns of their names'
+        )
+    feature_map = FeatureMap.from_document(constraints.feature_map, where)
+    return extract(paths, feature_map, progress=progress)
+
+
+def _pass_on(data: Dataset, constraints: Constraints, warn: Callable[[str], None] | None) -> None:
+    """Tell what was damaged, and how many samples could not be used."""
+    unusable = constraints.learner['unusable_samples']
+    sentences = list(data.warnings)
+    if unusable:
+        sentences.append(
+            f'{unusable} of {len(data)} samples were left out: a value was missing, not finite '
+            'or outside its physical bounds'
+        )
+    for sentence in sentences if warn is not None else ():
+        warn(sentence)

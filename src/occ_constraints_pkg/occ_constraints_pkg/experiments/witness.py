@@ -22,6 +22,7 @@ from std_msgs.msg import Float64
 
 from occ_constraints_pkg.bags.table import Table
 from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.learning.scoring import score_flags
 from occ_constraints_pkg.ros.messages import to_nanoseconds
 from occ_constraints_pkg.ros.qos import STEPS
 
@@ -50,21 +51,19 @@ class Heard:
         """Compare flagged states with truly costly ones, over all robots and steps.
 
         Returns:
-            ``samples``, ``flagged``, ``costly``, and ``precision`` and ``recall`` (NaN where
-            nothing was flagged or costly).
+            ``samples``, ``flagged``, ``costly``, and the ratios of :class:`Score`.
         """
         stamps = sorted(self.costs.keys() & self.true_cost.keys())
         if not stamps:
             raise OccError('no costs were received, so nothing can be compared')
         flagged = np.concatenate([self.costs[stamp].column('cost') for stamp in stamps]) > 0
         costly = np.concatenate([self.true_cost[stamp] for stamp in stamps]) > 0
-        both = float((flagged & costly).sum())
+        score = score_flags(flagged, costly)
         return {
-            'samples': len(flagged),
-            'flagged': int(flagged.sum()),
-            'costly': int(costly.sum()),
-            'precision': both / flagged.sum() if flagged.any() else float('nan'),
-            'recall': both / costly.sum() if costly.any() else float('nan'),
+            'samples': score.samples,
+            'flagged': score.flagged,
+            'costly': score.costly,
+            **score.ratios(),
         }
 
 

@@ -1,6 +1,9 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Density estimate of one attribute (OC-tree article, section on density estimation)."""
+"""Density estimate of one attribute (OC-tree article, density estimate, p. 9).
+
+Pages are those of the accepted manuscript, arXiv:1805.05021.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +42,7 @@ class Density:
 
 
 def bandwidth(ordered: np.ndarray) -> float:
-    """Return the article's rule-of-thumb bandwidth (its equation 2).
+    """Return the article's rule-of-thumb bandwidth (p. 9, equation 2).
 
     ``0.9 min(s, IQR / 1.34) n^(-1/5)``, and ``0.9 s n^(-1/5)`` where the interquartile range is 0.
     The article leaves open which standard deviation; here it is the sample's (ddof 1).
@@ -68,7 +71,7 @@ def sorted_quantile(ordered: np.ndarray, share: float) -> float:
 
 
 def estimate(ordered: np.ndarray, h: float | None = None) -> Density:
-    """Estimate the density of (n,) ascending values, not all equal, by a Gaussian kernel.
+    """Estimate the density of (n,) ascending values, not all equal, by a Gaussian kernel (p. 9).
 
     The samples are shared out linearly between neighbouring cells of a grid, which is then
     convolved with the kernel: time grows with n only through the counting.

@@ -1,6 +1,9 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Division of one attribute into target intervals (OC-tree article, division and impurity)."""
+"""Division of one attribute into target intervals (OC-tree article, p. 10 to 14).
+
+Pages are those of the accepted manuscript, arXiv:1805.05021.
+"""
 
 from __future__ import annotations
 
@@ -44,6 +47,8 @@ def divide(
     settings: OCTreeSettings,
 ) -> Division | None:
     """Divide one attribute at one node: clip, revise, assess, shrink, and rate the result.
+
+    The steps and their order are the article's (p. 10-11, steps a to d; impurity p. 12-13).
 
     Args:
         ordered: (n,) the node's values of the attribute, ascending.
@@ -116,10 +121,11 @@ def _lower_quantile(ordered: np.ndarray, share: float) -> float:
 
 
 def is_eligible(ordered: np.ndarray, h: float) -> bool:
-    """Tell whether an attribute may be divided (article, local pre-pruning, rules 1 and 3).
+    """Tell whether an attribute may be divided (article, p. 12-14, rules 1 and 3).
 
-    Not when all values are equal, and not when the bandwidth is below the smallest step between
-    distinct values: then the data are quantised and a density makes no sense.
+    These are rules of local pre-pruning; rule 2 is kept by `octree`. Not when all values are
+    equal, and not when the bandwidth is below the smallest step between distinct values: then the
+    data are quantised and a density makes no sense.
 
     Args:
         ordered: (n,) ascending values.
@@ -166,7 +172,7 @@ def _density_rank(density: Density, ordered: np.ndarray, rank: int) -> float:
 
 
 def clip(density: Density, level: float) -> list[tuple[float, float]]:
-    """Return the stretches where the density is at least ``level`` (article, step a).
+    """Return the stretches where the density is at least ``level`` (article, p. 10, step a).
 
     Ends lie where the density, linear between grid points, crosses the level.
     """
@@ -192,7 +198,7 @@ def _crossing(density: Density, left: int, right: int, level: float) -> float:
 def revise(
     density: Density, pieces: list[tuple[float, float]], alpha: float
 ) -> list[tuple[float, float]]:
-    """Split pieces at significant minima of the density (article, step b).
+    """Split pieces at significant minima of the density (article, p. 10-11, step b).
 
     A minimum between two neighbouring maxima is significant when it is at most ``alpha`` times
     the lower of the two; with alpha 0 none is. Nothing is split unless there are more modes than
@@ -218,7 +224,7 @@ def revise(
 def assess_and_shrink(
     ordered: np.ndarray, pieces: list[tuple[float, float]], least: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Drop pieces with fewer than ``least`` samples, shrink the rest (article, steps c and d).
+    """Drop pieces with fewer than ``least`` samples, shrink the rest (article, p. 11, steps c, d).
 
     Pieces are half-open where they touch, so no sample belongs to two.
 
@@ -237,7 +243,7 @@ def assess_and_shrink(
 def impurity(
     ordered: np.ndarray, intervals: np.ndarray, counts: np.ndarray, extent: tuple[float, float]
 ) -> float:
-    """Return the proxy of the Gini impurity against uniform outliers (article, eq. for I_G).
+    """Return the proxy of the Gini impurity against uniform outliers (article, p. 12-13).
 
     As many outliers as samples are thought to be spread evenly over the node's interval; each
     part, target intervals and what lies between them alike, adds n n' / (n + n').

@@ -55,9 +55,8 @@ def fit_tree(
     """Learn the region that the samples cover.
 
     Grows level by level, until no node can be divided or the depth limit is reached. Where nu is
-    set, the article's two conditions end growth earlier: when a level has added no node and left
-    the share of covered samples as it was, and before that share falls under 1 - nu (the article
-    does not say whether the level that oversteps is kept: here it is undone).
+    set, the article's two conditions end growth earlier: :func:`oversteps` and
+    :func:`is_stable`.
 
     Args:
         values: (n, k) finite samples.
@@ -99,13 +98,13 @@ def fit_tree(
         leaves += [node for node in growing if not node.children]
         growing = [child for node in divided for child in node.children]
         covered_before, covered = covered, sum(len(node.rows) for node in leaves + growing)
-        if settings.nu is not None and (len(samples) - covered) / len(samples) > settings.nu:
+        if settings.nu is not None and oversteps(covered, len(samples), settings.nu):
             for node in divided:
                 node.children = []
             break
         if progress is not None:
             progress(level + 1, len(leaves) + len(growing))
-        stable = len(growing) == len(divided) and covered == covered_before
+        stable = is_stable(len(growing), len(divided), covered, covered_before)
         if settings.nu is not None and stable:
             break
     return root.freeze()
@@ -142,13 +141,36 @@ def _units(samples: np.ndarray, families: Sequence[Sequence[int]]) -> list[_Unit
     return sorted(units, key=lambda unit: unit.features)
 
 
+def oversteps(covered: int, total: int, nu: float) -> bool:
+    """Tell whether a level leaves more than ``nu`` outside (article, global stop, p. 14).
+
+    The article does not say whether such a level is kept; :func:`fit_tree` undoes it.
+
+    Args:
+        covered: training samples inside target nodes after the level.
+        total: all training samples.
+        nu: share that may lie outside.
+    """
+    return (total - covered) / total > nu
+
+
+def is_stable(children: int, parents: int, covered: int, covered_before: int) -> bool:
+    """Tell whether a level changed nothing that counts (article, global stop, p. 14).
+
+    It has added no target node and has left as many training samples inside as before. The article
+    speaks of iterations; one is taken to be one level of splits over all nodes.
+    """
+    return children == parents and covered == covered_before
+
+
 def _split(
     node: _Growing, units: list[_Unit], shape: tuple[int, ...], settings: OCTreeSettings
 ) -> None:
     """Divide one node along what gives the purest parts, if anything is eligible.
 
     An attribute that cut this target node before is blocked until a split into several target
-    nodes has come since (article, local pre-pruning, rule 2).
+    nodes has come since (article, p. 12-14, local pre-pruning, rule 2). The smallest impurity
+    decides (p. 13).
     """
     total, features = shape
     if len(node.rows) < max(2.0, settings.min_split * total):

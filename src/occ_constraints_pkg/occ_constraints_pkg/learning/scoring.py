@@ -1,0 +1,171 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Scoring against a known truth: how well the flagged samples match the truly costly ones."""
+
+from __future__ import annotations
+
+import operator
+from dataclasses import dataclass
+
+import numpy as np
+
+from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.rules.rule import Rule
+from occ_constraints_pkg.rules.ruleset import RuleSet
+from occ_constraints_pkg.rules.verdict import Verdict
+
+_COMPARE = {'<': operator.lt, '<=': operator.le, '>': operator.gt, '>=': operator.ge}
+
+
+@dataclass(frozen=True)
+class Score:
+    """Counts of samples, and the usual ratios of them; a ratio with nothing below it is NaN.
+
+    Attributes:
+        samples: all samples.
+        flagged: those that were flagged.
+        costly: those that are truly costly.
+        both: those that are flagged and truly costly.
+    """
+
+    samples: int
+    flagged: int
+    costly: int
+    both: int
+
+    @property
+    def precision(self) -> float:
+        """Share of the flagged samples that are costly."""
+        return _ratio(self.both, self.flagged)
+
+    @property
+    def recall(self) -> float:
+        """Share of the costly samples that are flagged."""
+        return _ratio(self.both, self.costly)
+
+    @property
+    def f1(self) -> float:
+        """Harmonic mean of precision and recall; 0 where no sample is both."""
+        return _ratio(2 * self.both, self.flagged + self.costly)
+
+    @property
+    def iou(self) -> float:
+        """Intersection over union: samples that are both, of those that are either."""
+        return _ratio(self.both, self.flagged + self.costly - self.both)
+
+    def ratios(self) -> dict[str, float]:
+        """Return ``precision``, ``recall``, ``f1`` and ``iou``."""
+        return {name: getattr(self, name) for name in ('precision', 'recall', 'f1', 'iou')}
+
+
+@dataclass(frozen=True)
+class RuleScore:
+    """One enabled rule beside the truth. Samples whose verdict is UNKNOWN count for no rule.
+
+    Attributes:
+        rule: the rule.
+        alone: the samples on which the rule is true, as if it were the only one.
+        first: samples on which it is the first true rule, and so the one a monitor names.
+        first_costly: those of them that are truly costly.
+    """
+
+    rule: Rule
+    alone: Score
+    first: int
+    first_costly: int
+
+
+@dataclass(frozen=True)
+class RuleSetScore:
+    """A rule set beside the truth.
+
+    Attributes:
+        overall: the samples that are not SAFE; UNKNOWN is flagged, as its cost is 1.
+        unknown: samples whose verdict is UNKNOWN.
+        unscored: samples without a finite true cost, which count nowhere else.
+        rules: the enabled rules in the order they are tried.
+    """
+
+    overall: Score
+    unknown: int
+    unscored: int
+    rules: tuple[RuleScore, ...]
+
+
+def score_flags(flagged: np.ndarray, costly: np.ndarray) -> Score:
+    """Count.
+
+    Args:
+        flagged: (n,) bool.
+        costly: (n,) bool.
+
+    Raises:
+        OccError: the shapes differ.
+    """
+    if np.shape(flagged) != np.shape(costly):
+        raise OccError(
+            f'{np.shape(flagged)} flags cannot be scored on {np.shape(costly)} true costs; '
+            'allowed is one for each'
+        )
+    both = np.count_nonzero(flagged & costly)
+    return Score(
+        np.size(flagged), int(np.count_nonzero(flagged)), int(np.count_nonzero(costly)), int(both)
+    )
+
+
+def score_rules(rule_set: RuleSet, values: np.ndarray, true_cost: np.ndarray) -> RuleSetScore:
+    """Judge samples and compare with their true cost.
+
+    Args:
+        rule_set: the rules; disabled ones are left out.
+        values: (n, k) samples.
+        true_cost: (n,) costly where above 0; samples with NaN or infinity are not scored.
+
+    Raises:
+        OccError: the shapes do not fit, or no sample has a true cost.
+    """
+    rows = rule_set.space.check_rows(values)
+    cost = np.asarray(true_cost, dtype=np.float64)
+    if cost.shape != (len(rows),):
+        raise OccError(
+            f'{len(rows)} samples cannot be scored on true costs of shape {cost.shape}; '
+            f'allowed is one for each'
+        )
+    scored = np.isfinite(cost)
+    if not scored.any():
+        raise OccError(f'none of the {len(rows)} samples has a finite true cost to be scored on')
+    unscored = int(np.count_nonzero(~scored))
+    if unscored:
+        rows, cost = rows[scored], cost[scored]
+    costly = cost > 0
+    judgement = rule_set.judge(rows)
+    known = judgement.verdict != Verdict.UNKNOWN
+    rules = []
+    for index in rule_set.order:
+        first = judgement.rule == index
+        rules.append(
+            RuleScore(
+                rule_set.rules[index],
+                score_flags(known & _is_true(rule_set.rules[index], rows), costly),
+                int(np.count_nonzero(first)),
+                int(np.count_nonzero(first & costly)),
+            )
+        )
+    return RuleSetScore(
+        score_flags(judgement.verdict != Verdict.SAFE, costly),
+        int(np.count_nonzero(~known)),
+        unscored,
+        tuple(rules),
+    )
+
+
+def _is_true(rule: Rule, rows: np.ndarray) -> np.ndarray:
+    """Return (n,) whether all literals of the rule hold."""
+    true = np.ones(len(rows), dtype=bool)
+    for literal in rule.literals:
+        true &= _COMPARE[literal.operator](rows[:, literal.feature], literal.bound)
+    return true
+
+
+def _ratio(part: int, whole: int) -> float:
+    return part / whole if whole else float('nan')

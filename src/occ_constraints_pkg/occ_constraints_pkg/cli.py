@@ -589,7 +589,11 @@ def bench(name: str, seconds: float, as_json: bool) -> None:
 
 @cli.group()
 def experiment() -> None:
-    """Repeat published experiments."""
+    """Repeat published experiments.
+
+    \b
+    Example: occ experiment article --set Iris
+    """
 
 
 @experiment.command()

@@ -56,6 +56,8 @@ class Player(OccNode):
                 playable.append(topic)
             except OccError as error:
                 self.get_logger().warning(f'topic {topic} is not played: {error}')
+        if not playable:
+            raise OccError(f'{self._recording.path} has no topic whose message type is installed')
         return playable
 
     def _publisher(self, topic: str, info: TopicInfo) -> Publisher:

@@ -13,6 +13,7 @@ from occ_constraints_pkg.bags.recording import RawMessage, Recording, TopicInfo
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.ros.messages import message_class
 from occ_constraints_pkg.ros.process import OccNode, run_node
+from occ_constraints_pkg.ros.qos import SETTLED_LOOKS
 
 _LOOK_SECONDS = 0.05
 _DEPTH = 1000
@@ -45,6 +46,7 @@ class Player(OccNode):
         self._messages: Iterator[RawMessage] = iter(())
         self._next: RawMessage | None = None
         self._offset: float | None = None
+        self._looks = 0
         self._timer = self.steady_timer(_LOOK_SECONDS, self._begin)
 
     def _playable(self) -> list[str]:
@@ -86,6 +88,10 @@ class Player(OccNode):
             publisher.get_subscription_count() for publisher in self._publishers_of.values()
         )
         if subscribers < self._wanted:
+            self._looks = 0
+            return
+        self._looks += 1
+        if self._wanted and self._looks < SETTLED_LOOKS:
             return
         self.destroy_timer(self._timer)
         self._rewind()

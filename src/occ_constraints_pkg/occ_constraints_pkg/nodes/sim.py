@@ -14,7 +14,7 @@ from occ_constraints_pkg.bags.table import Table
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.ros.messages import table_message, to_nanoseconds, to_time
 from occ_constraints_pkg.ros.process import OccNode, run_node
-from occ_constraints_pkg.ros.qos import STEPS, overridable
+from occ_constraints_pkg.ros.qos import SETTLED_LOOKS, STEPS, overridable
 from occ_constraints_pkg.ros.tables import observation_table
 from occ_constraints_pkg.worlds.registry import make_world
 from occ_constraints_pkg.worlds.stream import EpisodeStream, StepBatch
@@ -64,6 +64,7 @@ class Sim(OccNode):
         self.create_subscription(
             PointCloud2, 'action', self._on_action, STEPS, qos_overriding_options=overridable()
         )
+        self._looks = 0
         self._start_timer = self.steady_timer(_LOOK_SECONDS, self._start)
         self._repeat_timer = self.steady_timer(repeat_after, self._repeat)
         if not self._in_step:
@@ -79,6 +80,10 @@ class Sim(OccNode):
 
     def _start(self) -> None:
         if self._observation.get_subscription_count() < self._wanted:
+            self._looks = 0
+            return
+        self._looks += 1
+        if self._wanted and self._looks < SETTLED_LOOKS:
             return
         self._start_timer.cancel()
         self._publish(self._stream.reset())

@@ -17,6 +17,7 @@ import click
 
 import occ_constraints_pkg
 from occ_constraints_pkg.errors import OccError, import_needed
+from occ_constraints_pkg.experiments.benchmarks import BENCHMARKS
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 
 _FEATURE_MAP_HELP = 'Feature map: a YAML file, or a built-in name such as PointGoal1.'
@@ -566,19 +567,25 @@ def demo(output: str, train_seconds: float) -> int:
     return run_demo(Path(output), train_seconds=train_seconds)
 
 
-@cli.command()
-@click.argument('name', type=click.Choice(['loop']))
-@click.option('--seconds', default=20.0, show_default=True, help='Measured time per form.')
+@cli.command(epilog=''.join(f'\b\n{name}: {words}\n\n' for name, words in BENCHMARKS.items()))
+@click.argument('name', type=click.Choice(list(BENCHMARKS)))
+@click.option(
+    '--seconds',
+    type=click.FloatRange(min=0.0, min_open=True),
+    help="Measured time per form; default: the benchmark's own.",
+)
 @_JSON
-def bench(name: str, seconds: float, as_json: bool) -> None:
+def bench(name: str, seconds: float | None, as_json: bool) -> None:
     """Measure speed; prints metrics, what ran beside them, machine and versions.
 
     \b
     Example: occ bench loop --json
     """
-    bench_loop = import_needed('occ bench', 'occ_constraints_pkg.experiments.bench').bench_loop
+    module = import_needed(
+        f'occ bench {name}', f'occ_constraints_pkg.experiments.benchmarks.{name}'
+    )
     _end_tidily()
-    result = bench_loop(seconds)
+    result = module.run() if seconds is None else module.run(seconds)
     if as_json:
         _print_json(result)
         return

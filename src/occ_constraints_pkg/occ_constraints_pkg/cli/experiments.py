@@ -10,6 +10,7 @@ import click
 
 from occ_constraints_pkg.cli.common import JSON, end_tidily, print_json, progress_bar
 from occ_constraints_pkg.errors import import_needed
+from occ_constraints_pkg.experiments.benchmarks import BENCHMARKS
 
 
 @click.command()
@@ -29,19 +30,25 @@ def demo(output: str, train_seconds: float) -> int:
     return run_demo(Path(output), train_seconds=train_seconds)
 
 
-@click.command()
-@click.argument('name', type=click.Choice(['loop']))
-@click.option('--seconds', default=20.0, show_default=True, help='Measured time per form.')
+@click.command(epilog=''.join(f'\b\n{name}: {words}\n\n' for name, words in BENCHMARKS.items()))
+@click.argument('name', type=click.Choice(list(BENCHMARKS)))
+@click.option(
+    '--seconds',
+    type=click.FloatRange(min=0.0, min_open=True),
+    help="Measured time per form; default: the benchmark's own.",
+)
 @JSON
-def bench(name: str, seconds: float, as_json: bool) -> None:
+def bench(name: str, seconds: float | None, as_json: bool) -> None:
     """Measure speed; prints metrics, what ran beside them, machine and versions.
 
     \b
     Example: occ bench loop --json
     """
-    bench_loop = import_needed('occ bench', 'occ_constraints_pkg.experiments.bench').bench_loop
+    module = import_needed(
+        f'occ bench {name}', f'occ_constraints_pkg.experiments.benchmarks.{name}'
+    )
     end_tidily()
-    result = bench_loop(seconds)
+    result = module.run() if seconds is None else module.run(seconds)
     if as_json:
         print_json(result)
         return

@@ -54,6 +54,18 @@ class PointGoal1(World):
     )
     step_seconds = SUBSTEPS * TIMESTEP
     max_episode_steps = 1000
+    state_names = (
+        '_rngs',
+        '_objects',
+        '_goal_distance',
+        '_steps',
+        '_observation',
+        '_physics.robot',
+        '_physics.robot_velocity',
+        '_physics.vase',
+        '_physics.vase_velocity',
+        '_physics._vase_moves',
+    )
 
     def __init__(self, num_envs: int, *, threads: int = 0) -> None:
         """Build the world; :meth:`reset` it before the first step.

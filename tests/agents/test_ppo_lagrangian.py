@@ -253,7 +253,7 @@ def test_other_files_are_refused(tmp_path):
     make_learner().save(tmp_path / 'good')
     state = torch.load(tmp_path / 'good', weights_only=True)
     for change in ({'networks': {}}, {'config': {'no_such': 1}}, {'rng': 'x'}, {'config': 3}):
-        torch.save(state | change, tmp_path / 'damaged')
+        torch.save(state | {'learner': state['learner'] | change}, tmp_path / 'damaged')
         with pytest.raises(OccError, match='damaged'):
             PPOLagrangian.load(tmp_path / 'damaged')
 

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import json
 import math
-import pickle
 import time
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -20,25 +19,23 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
+from torch import nn
 
+from occ_constraints_pkg.agents.checkpoint import read_checkpoint, with_arrays, write_checkpoint
+from occ_constraints_pkg.agents.networks import (
+    divergence,
+    log_probability,
+    mlp,
+    numbers,
+    torch_device,
+)
 from occ_constraints_pkg.agents.policy import GaussianPolicy, column_names
 from occ_constraints_pkg.agents.rollout import Episodes, Normaliser, Rollout, advantages
 from occ_constraints_pkg.agents.settings import PPOLagrangianConfig, TrainingMetrics
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.files import replacing
 from occ_constraints_pkg.worlds.base import Column
 from occ_constraints_pkg.worlds.stream import StepBatch
-
-try:
-    import torch
-    from torch import nn
-except ImportError as err:
-    raise OccError(
-        "training needs the package torch, which is missing; it comes with the extra 'train': "
-        "pip install 'occ_constraints_pkg[train]'"
-    ) from err
-
-_FORMAT = 'occ_constraints checkpoint 1'
 
 
 class PPOLagrangian:
@@ -87,9 +84,9 @@ class PPOLagrangian:
         self._device = torch_device(config.device)
         torch.set_num_threads(config.threads)
         k, a = len(self.columns), len(self.action_columns)
-        self._actor = _mlp((k, *config.hidden, a), 0.01, self._rng)
-        self._critic = _mlp((k, *config.hidden, 1), 1.0, self._rng)
-        self._cost_critic = _mlp((k, *config.hidden, 1), 1.0, self._rng)
+        self._actor = mlp((k, *config.hidden, a), 0.01, self._rng)
+        self._critic = mlp((k, *config.hidden, 1), 1.0, self._rng)
+        self._cost_critic = mlp((k, *config.hidden, 1), 1.0, self._rng)
         self._actor.register_parameter(
             'log_std', nn.Parameter(torch.full((a,), float(config.log_std_init)))
         )
@@ -178,9 +175,9 @@ class PPOLagrangian:
             observation_mean=self._normaliser.mean.astype(np.float32),
             observation_variance=self._normaliser.floored_variance.astype(np.float32),
             observation_clip=self.config.observation_clip,
-            weights=tuple(_numpy(layer.weight.T) for layer in layers),
-            biases=tuple(_numpy(layer.bias) for layer in layers),
-            log_std=_numpy(self._actor.log_std),
+            weights=tuple(numbers(layer.weight.T) for layer in layers),
+            biases=tuple(numbers(layer.bias) for layer in layers),
+            log_std=numbers(self._actor.log_std),
         )
 
     @property
@@ -282,8 +279,8 @@ class PPOLagrangian:
         shape = rollout.observation.shape[:2]
         observation = self._normalised(rollout.observation).to(self._device)
         with torch.no_grad():
-            values = _numpy(self._critic(observation)).reshape(shape)
-            cost_values = _numpy(self._cost_critic(observation)).reshape(shape)
+            values = numbers(self._critic(observation)).reshape(shape)
+            cost_values = numbers(self._cost_critic(observation)).reshape(shape)
         valid = rollout.valid
         ends = (rollout.terminated, valid, config.gamma, config.lam)
         estimate = advantages(rollout.reward, values, *ends)[valid]
@@ -319,7 +316,7 @@ class PPOLagrangian:
         with torch.no_grad():
             old_mean = self._actor(observation)
             old_log_std = self._actor.log_std.clone()
-            old_log_prob = _log_prob(action, old_mean, old_log_std)
+            old_log_prob = log_probability(action, old_mean, old_log_std)
         passes, moved = 0, False
         while passes < config.passes and not moved:
             order = torch.from_numpy(self._rng.permutation(rows)).to(self._device)
@@ -327,7 +324,9 @@ class PPOLagrangian:
             for index in order.split(config.minibatch):
                 x = observation[index]
                 mean, log_std = self._actor(x), self._actor.log_std
-                ratio = torch.exp(_log_prob(action[index], mean, log_std) - old_log_prob[index])
+                ratio = torch.exp(
+                    log_probability(action[index], mean, log_std) - old_log_prob[index]
+                )
                 clipped = ratio.clamp(1.0 - config.clip, 1.0 + config.clip)
                 gain = advantage[index]
                 policy_loss = -torch.min(ratio * gain, clipped * gain).mean()
@@ -339,7 +338,7 @@ class PPOLagrangian:
                     nn.utils.clip_grad_norm_(network.parameters(), config.max_grad_norm)
                 self._optimiser.step()
                 with torch.no_grad():
-                    kl = _divergence(old_mean[index], old_log_std, mean, log_std)
+                    kl = divergence(old_mean[index], old_log_std, mean, log_std)
                     figures = torch.stack([kl, policy_loss, value_loss, cost_loss])
                     sums += figures * (len(index) / rows)
             passes += 1
@@ -364,54 +363,18 @@ class PPOLagrangian:
 
     # --- checkpoints ------------------------------------------------------------------------
 
-    def save(self, path: Path | str) -> None:
-        """Write all that an exact continuation needs, replacing the file in a single move."""
-        path = Path(path)
-        rollout, episodes = self._rollout, self._episodes
-        state: dict[str, Any] = {
-            'format': _FORMAT,
-            'config': asdict(self.config),
-            'columns': list(self.columns),
-            'action_columns': list(self.action_columns),
-            'world_name': self.world_name,
-            'steps': self.steps,
-            'updates': self.updates,
-            'metrics': None if self.metrics is None else self.metrics.as_dict(),
-            'rng': json.dumps(self._rng.bit_generator.state),
-            'networks': self._networks.state_dict(),
-            'optimiser': self._optimiser.state_dict(),
-            'multiplier': self.multiplier,
-            'multiplier_optimiser': self._multiplier_optimiser.state_dict(),
-            'normaliser': {
-                'count': self._normaliser.count,
-                'mean': torch.from_numpy(self._normaliser.mean),
-                'variance': torch.from_numpy(self._normaliser.variance),
-            },
-            'stream': None,
-        }
-        if rollout is not None:
-            # A file written right after an update holds next to no rollout and is small.
-            keep = rollout.filled + self._open
-            state['stream'] = {
-                'robots': len(episodes.whole),
-                'filled': rollout.filled,
-                'rollout': {
-                    name: torch.from_numpy(array[:keep].copy())
-                    for name, array in rollout.arrays.items()
-                },
-                'open': self._open,
-                'last_done': torch.from_numpy(self._last_done.copy()),
-                'finished': episodes.finished,
-                'recent': [list(sums) for sums in episodes.recent],
-                'sums': torch.from_numpy(episodes.sums),
-                'whole': torch.from_numpy(episodes.whole),
-            }
-        with replacing(path) as draft:
-            try:
-                torch.save(state, draft)
-            except RuntimeError as error:
-                # What torch makes of a full disk.
-                raise OSError(f'torch says: {str(error).splitlines()[0]}') from error
+    def save(self, path: Path | str, **companions: Any) -> None:
+        """Write all that an exact continuation needs, replacing the file in a single move.
+
+        Args:
+            path: the file.
+            **companions: what the caller needs besides to continue, such as the state of its
+                world: nested mappings and lists of numbers, texts and arrays.
+
+        Raises:
+            OccError: it cannot be written; the file before stays.
+        """
+        write_checkpoint(path, {'learner': self._state(), 'companions': companions})
 
     @classmethod
     def load(cls, path: Path | str, *, device: str | None = None) -> PPOLagrangian:
@@ -427,15 +390,16 @@ class PPOLagrangian:
         Raises:
             OccError: no such file, or not a checkpoint.
         """
+        return cls.load_all(path, device=device)[0]
+
+    @classmethod
+    def load_all(
+        cls, path: Path | str, *, device: str | None = None
+    ) -> tuple[PPOLagrangian, dict[str, Any]]:
+        """Read a checkpoint as :meth:`load` does; return the learner and the companions."""
+        document = read_checkpoint(path)
         try:
-            state = torch.load(path, map_location='cpu', weights_only=True)
-        except OSError as err:
-            raise OccError(f'cannot read checkpoint {path}: {err.strerror or err}') from err
-        except (pickle.UnpicklingError, RuntimeError, EOFError, ValueError, KeyError) as err:
-            raise OccError(f'{path} is not a checkpoint: allowed is {_FORMAT!r}') from err
-        if not isinstance(state, dict) or state.get('format') != _FORMAT:
-            raise OccError(f'{path} is not a checkpoint: allowed is {_FORMAT!r}')
-        try:
+            state = document['learner']
             settings = state['config'] | ({} if device is None else {'device': device})
             settings['hidden'] = tuple(settings['hidden'])
             learner = cls(
@@ -446,9 +410,44 @@ class PPOLagrangian:
                 seed=0,
             )
             learner._restore(state)
-        except (KeyError, TypeError, ValueError, RuntimeError) as err:
+            return learner, with_arrays(document['companions'])
+        except (KeyError, TypeError, ValueError, RuntimeError, AttributeError) as err:
             raise OccError(f'checkpoint {path} is damaged: {err}') from err
-        return learner
+
+    def _state(self) -> dict[str, Any]:
+        """Return everything as nested plain values, arrays and tensors."""
+        rollout, episodes = self._rollout, self._episodes
+        state: dict[str, Any] = {
+            'config': asdict(self.config),
+            'columns': list(self.columns),
+            'action_columns': list(self.action_columns),
+            'world_name': self.world_name,
+            'steps': self.steps,
+            'updates': self.updates,
+            'metrics': None if self.metrics is None else self.metrics.as_dict(),
+            'rng': json.dumps(self._rng.bit_generator.state),
+            'networks': self._networks.state_dict(),
+            'optimiser': self._optimiser.state_dict(),
+            'multiplier': self.multiplier,
+            'multiplier_optimiser': self._multiplier_optimiser.state_dict(),
+            'normaliser': vars(self._normaliser),
+            'stream': None,
+        }
+        if rollout is not None:
+            # Right after an update this is next to nothing.
+            keep = rollout.filled + self._open
+            state['stream'] = {
+                'robots': len(episodes.whole),
+                'filled': rollout.filled,
+                'rollout': {name: array[:keep] for name, array in rollout.arrays.items()},
+                'open': self._open,
+                'last_done': self._last_done,
+                'finished': episodes.finished,
+                'recent': [list(sums) for sums in episodes.recent],
+                'sums': episodes.sums,
+                'whole': episodes.whole,
+            }
+        return state
 
     def _restore(self, state: dict[str, Any]) -> None:
         """Take over everything but the settings from a checkpoint's content."""
@@ -480,55 +479,3 @@ class PPOLagrangian:
         self._episodes.recent.extend(map(tuple, stream['recent']))
         self._episodes.sums = stream['sums'].numpy()
         self._episodes.whole = stream['whole'].numpy()
-
-
-def torch_device(name: str) -> torch.device:
-    """Return the device.
-
-    Args:
-        name: ``cpu`` or ``cuda``.
-
-    Raises:
-        OccError: this machine does not have it.
-    """
-    if name not in ('cpu', 'cuda') or (name == 'cuda' and not torch.cuda.is_available()):
-        here = 'cpu, cuda' if torch.cuda.is_available() else 'cpu'
-        raise OccError(f'learner setting device is {name!r}; this machine has {here}')
-    return torch.device(name)
-
-
-def _mlp(widths: Sequence[int], last_gain: float, rng: np.random.Generator) -> nn.Sequential:
-    """Return a tanh network with orthogonal weights and zero biases."""
-    layers: list[nn.Module] = []
-    for inputs, outputs in zip(widths[:-1], widths[1:], strict=True):
-        layer = nn.Linear(inputs, outputs)
-        gain = last_gain if len(layers) == 2 * (len(widths) - 2) else math.sqrt(2.0)
-        square = rng.standard_normal((max(inputs, outputs), min(inputs, outputs)))
-        basis, triangle = np.linalg.qr(square)
-        basis = basis * np.sign(np.diag(triangle))
-        weight = gain * (basis if outputs >= inputs else basis.T)
-        with torch.no_grad():
-            layer.weight.copy_(torch.from_numpy(weight))
-            layer.bias.zero_()
-        layers += [layer, nn.Tanh()]
-    return nn.Sequential(*layers[:-1])
-
-
-def _log_prob(action: torch.Tensor, mean: torch.Tensor, log_std: torch.Tensor) -> torch.Tensor:
-    """Log density of a diagonal Gaussian, (rows,)."""
-    z = (action - mean) * torch.exp(-log_std)
-    return (-0.5 * z.square() - log_std - 0.5 * math.log(2.0 * math.pi)).sum(dim=1)
-
-
-def _divergence(
-    mean: torch.Tensor, log_std: torch.Tensor, other: torch.Tensor, other_log_std: torch.Tensor
-) -> torch.Tensor:
-    """Mean over rows of KL(first || other) of two diagonal Gaussians, a scalar."""
-    spread = torch.exp(2.0 * (log_std - other_log_std))
-    shift = ((mean - other) * torch.exp(-other_log_std)).square()
-    return (other_log_std - log_std + 0.5 * (spread + shift - 1.0)).sum(dim=1).mean()
-
-
-def _numpy(tensor: torch.Tensor) -> np.ndarray:
-    """Return a copy on the CPU that later steps of an optimiser do not change."""
-    return np.ascontiguousarray(tensor.detach().cpu().numpy()).copy()

@@ -18,7 +18,6 @@ from occ_constraints_pkg.learning.octree import fit_tree
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.learning.tree import Node
 from occ_constraints_pkg.rules.constraints_file import Constraints
-from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.rules.space import FeatureSpace
 from occ_constraints_pkg.rules.verdict import Verdict
 
@@ -74,6 +73,7 @@ def learn(
             f'none of the {len(rows)} samples is usable: each has a value that is missing, not '
             f'finite or outside the physical bounds{_worst_feature(rows, space)}'
         )
+    episode_count = len(np.unique(episodes))
     rows, episodes = rows[usable], np.asarray(episodes)[usable]
     held_out = np.zeros(len(rows), dtype=bool)
     names = np.unique(episodes)
@@ -89,12 +89,15 @@ def learn(
         for family in map(list, space.families):
             demonstrated[family] = demonstrated[family, 0].min(), demonstrated[family, 1].max()
     rule_set = extract_rules(tree, space, demonstrated, full_conditions=settings.full_conditions)
+    safe = rule_set.judge(rows).verdict == Verdict.SAFE
     coverage = {
         'training_samples': len(training),
-        'training': _covered(rule_set, training),
+        'training': float(safe[~held_out].mean()),
         'held_out_episodes': len(chosen),
         'held_out_samples': int(held_out.sum()),
-        'held_out': _covered(rule_set, rows[held_out]) if held_out.any() else None,
+        'held_out': float(safe[held_out].mean()) if held_out.any() else None,
+        # An unusable sample is UNKNOWN, which costs as much as a violation.
+        'cost_per_episode': int((~safe).sum() + (~usable).sum()) / episode_count,
     }
     provenance = {
         'created': datetime.now(UTC).isoformat(timespec='seconds'),
@@ -122,10 +125,6 @@ def tree_document(node: Node, space: FeatureSpace) -> dict[str, Any]:
         below = tree_document(branch.node, space)
         branches.append({**item, 'below': below} if below else item)
     return {'split': space.names[node.feature], 'branches': branches}
-
-
-def _covered(rule_set: RuleSet, rows: np.ndarray) -> float:
-    return float(np.mean(rule_set.judge(rows).verdict == Verdict.SAFE))
 
 
 def _worst_feature(rows: np.ndarray, space: FeatureSpace) -> str:

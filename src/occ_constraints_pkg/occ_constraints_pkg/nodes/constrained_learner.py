@@ -10,11 +10,9 @@ import time
 import numpy as np
 from sensor_msgs.msg import PointCloud2
 
-from occ_constraints_pkg.agents.ppo_lagrangian import (
-    PPOLagrangian,
-    PPOLagrangianConfig,
-    torch_device,
-)
+from occ_constraints_pkg.agents.networks import torch_device
+from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian
+from occ_constraints_pkg.agents.settings import PPOLagrangianConfig
 from occ_constraints_pkg.agents.training import TrainingDirectory
 from occ_constraints_pkg.bags.table import Table
 from occ_constraints_pkg.ros.lockstep import Pairing

@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from occ_constraints_pkg.agents.drivers import find_driver
-from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian, PPOLagrangianConfig
+from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian
 from occ_constraints_pkg.agents.rule_cost import RuleCost
+from occ_constraints_pkg.agents.settings import PPOLagrangianConfig
 from occ_constraints_pkg.agents.training import train
 from occ_constraints_pkg.bags.feature_map import load_feature_map
 from occ_constraints_pkg.errors import OccError

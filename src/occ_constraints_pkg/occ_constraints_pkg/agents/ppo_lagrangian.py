@@ -37,6 +37,9 @@ from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.worlds.base import Column
 from occ_constraints_pkg.worlds.stream import StepBatch
 
+# Share of the first step size that is left at the end of its decay, and after it.
+_LEAST_STEP_SIZE = 0.03
+
 
 class PPOLagrangian:
     """The learner: tell it each step of a stream, and it answers with the next action.
@@ -107,6 +110,7 @@ class PPOLagrangian:
         self._policy = self.policy()
         self._rollout: Rollout | None = None
         self._episodes: Episodes | None = None
+        self._begins_whole = True
         self._open = False
         self._last_done: np.ndarray | None = None
         self._clock = time.perf_counter()
@@ -161,6 +165,7 @@ class PPOLagrangian:
             self._rollout.valid[self._rollout.filled] = False
             self._rollout.filled += 1
             self._open = False
+        self._begins_whole = new_episodes
         if self._episodes is not None:
             self._episodes.sums[:] = 0.0
             self._episodes.whole[:] = new_episodes
@@ -210,6 +215,7 @@ class PPOLagrangian:
         k, a = len(self.columns), len(self.action_columns)
         self._rollout = Rollout(self.config.rollout_steps, robots, k, a)
         self._episodes = Episodes(robots, self.config.window)
+        self._episodes.whole[:] = self._begins_whole
 
     def _close(self, batch: StepBatch, cost: np.ndarray) -> None:
         rollout, t = self._rollout, self._rollout.filled
@@ -242,6 +248,7 @@ class PPOLagrangian:
         if first:
             self._normaliser.fold(rollout.observation[:-1])
             self._policy = self.policy()
+        self._set_step_sizes()
         losses = self._descend(*self._training_data())
         if not first:
             self._normaliser.fold(rollout.observation[:-1])
@@ -272,6 +279,15 @@ class PPOLagrangian:
         self._multiplier_optimiser.step()
         with torch.no_grad():
             self._multiplier.clamp_(min=0.0)
+
+    def _set_step_sizes(self) -> None:
+        config, left = self.config, 1.0
+        if config.decay_steps:
+            left = max(_LEAST_STEP_SIZE, 1.0 - self.steps / config.decay_steps)
+        for group, size in zip(
+            self._optimiser.param_groups, (config.actor_lr, config.critic_lr), strict=True
+        ):
+            group['lr'] = left * size
 
     def _training_data(self) -> tuple[torch.Tensor, ...]:
         """Return observation, action, advantage and both value targets of valid transitions."""
@@ -377,7 +393,7 @@ class PPOLagrangian:
         write_checkpoint(path, {'learner': self._state(), 'companions': companions})
 
     @classmethod
-    def load(cls, path: Path | str, *, device: str | None = None) -> PPOLagrangian:
+    def load(cls, path: Path | str, **changes: Any) -> PPOLagrangian:
         """Read a checkpoint; nothing in it is executed.
 
         The learner expects the batch that follows the last one it was given. Call
@@ -385,22 +401,20 @@ class PPOLagrangian:
 
         Args:
             path: a file written by :meth:`save`.
-            device: replaces the one that the checkpoint was trained on.
+            **changes: settings that replace those of the checkpoint, such as ``device``.
 
         Raises:
             OccError: no such file, or not a checkpoint.
         """
-        return cls.load_all(path, device=device)[0]
+        return cls.load_all(path, **changes)[0]
 
     @classmethod
-    def load_all(
-        cls, path: Path | str, *, device: str | None = None
-    ) -> tuple[PPOLagrangian, dict[str, Any]]:
+    def load_all(cls, path: Path | str, **changes: Any) -> tuple[PPOLagrangian, dict[str, Any]]:
         """Read a checkpoint as :meth:`load` does; return the learner and the companions."""
         document = read_checkpoint(path)
         try:
             state = document['learner']
-            settings = state['config'] | ({} if device is None else {'device': device})
+            settings = {**state['config'], **changes}
             settings['hidden'] = tuple(settings['hidden'])
             learner = cls(
                 PPOLagrangianConfig(**settings),

@@ -140,7 +140,7 @@ def run(
         directory = TrainingDirectory(output, _fixed(settings, constraints, limit))
         resumed = None
         if resume and directory.has_checkpoint:
-            learner, resumed = directory.resume(device=settings.device)
+            learner, resumed = directory.resume(device=settings.device, decay_steps=settings.steps)
             say(f'resumed at {learner.steps} steps')
         else:
             learner = PPOLagrangian(
@@ -175,6 +175,7 @@ def _config(settings: RunSettings, constraints: Constraints | None) -> PPOLagran
     return PPOLagrangianConfig(
         cost_limit=cost_limit(settings.cost_limit, constraints),
         lagrangian=settings.cost != 'none',
+        decay_steps=settings.steps,
         device=settings.device,
     )
 

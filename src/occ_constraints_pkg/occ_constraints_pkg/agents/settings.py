@@ -23,6 +23,8 @@ class PPOLagrangianConfig:
         minibatch: transitions per gradient step.
         actor_lr: Adam's step size for the policy.
         critic_lr: Adam's step size for both critics.
+        decay_steps: the step sizes of all networks fall linearly over this many robot steps, down
+            to 3 % of their first value; 0: they stay.
         gamma: discount per step, of reward and cost alike.
         lam: GAE's lambda, of reward and cost alike.
         clip: bound on the change of the probability ratio.
@@ -47,6 +49,7 @@ class PPOLagrangianConfig:
     minibatch: int = 4096
     actor_lr: float = 1e-3
     critic_lr: float = 1e-3
+    decay_steps: int = 0
     gamma: float = 0.99
     lam: float = 0.95
     clip: float = 0.2
@@ -65,7 +68,7 @@ class PPOLagrangianConfig:
         Raises:
             OccError: the first such setting.
         """
-        for name in ('cost_limit', 'multiplier_init', 'multiplier_lr'):
+        for name in ('cost_limit', 'multiplier_init', 'multiplier_lr', 'decay_steps'):
             self._require(name, getattr(self, name) >= 0, '0 or more')
         for name in ('rollout_steps', 'passes', 'minibatch', 'window', 'threads'):
             self._require(name, getattr(self, name) >= 1, '1 or more')

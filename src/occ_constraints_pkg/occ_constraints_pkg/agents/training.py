@@ -116,7 +116,7 @@ class TrainingDirectory:
     """Where a training leaves its metrics, policy, checkpoint and a summary.
 
     An earlier training in the same place is moved aside, not overwritten. Policy and checkpoint
-    are due every 10 s, so that a crash costs no more than that.
+    are due after the first update and then every 10 s, so that a crash costs no more than that.
 
     Args:
         path: the directory; made if it is not there.
@@ -132,7 +132,7 @@ class TrainingDirectory:
     def __init__(self, path: str | Path, settings: Mapping[str, Any] | None = None) -> None:
         self.path = make_directory(path)
         self._settings = dict(settings or {})
-        self._saved_at = time.monotonic()
+        self._saved_at = -math.inf
 
     def begin(self) -> Path | None:
         """Make room for a new training; return where an earlier one has been moved, if any."""
@@ -147,13 +147,13 @@ class TrainingDirectory:
         """Whether there is something to resume."""
         return (self.path / self._CHECKPOINT).exists()
 
-    def resume(self, *, device: str | None = None) -> tuple[PPOLagrangian, dict[str, Any]]:
+    def resume(self, **changes: Any) -> tuple[PPOLagrangian, dict[str, Any]]:
         """Read the checkpoint, and cut the metrics back to it.
 
         Updates made between the checkpoint and a crash are made again, so their lines go.
 
         Args:
-            device: replaces the one that the checkpoint was trained on.
+            **changes: settings of the learner that replace those of the checkpoint.
 
         Returns:
             The learner, and what else :func:`train` needs to go on: ``stream``, ``counts``, and
@@ -164,7 +164,7 @@ class TrainingDirectory:
         """
         from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian
 
-        learner, companions = PPOLagrangian.load_all(self.path / self._CHECKPOINT, device=device)
+        learner, companions = PPOLagrangian.load_all(self.path / self._CHECKPOINT, **changes)
         for name, value in companions['settings'].items():
             if name in self._settings and self._settings[name] != value:
                 raise OccError(

@@ -47,9 +47,9 @@ def run(seconds: float = 20.0) -> dict[str, Any]:
     alone, loop = [], []
     with tempfile.TemporaryDirectory() as directory:
         for number in range(_ROUNDS):
-            alone.append(_steps_per_second(_train_alone(constraints, share, number)))
+            alone.append(steps_per_second(_train_alone(constraints, share, number)))
             place = Path(directory) / str(number)
-            loop.append(_steps_per_second(_train_over_topics(constraints, share, number, place)))
+            loop.append(steps_per_second(_train_over_topics(constraints, share, number, place)))
     full, single = float(np.mean(loop)), float(np.mean(alone))
     return {
         'metrics': {
@@ -130,8 +130,15 @@ def _train_over_topics(
     return [json.loads(line) for line in lines]
 
 
-def _steps_per_second(history: list[dict[str, Any]]) -> float:
-    """Return transitions per second after the first update, updates included."""
+def steps_per_second(history: list[dict[str, Any]]) -> float:
+    """Return transitions per second after the first update, updates included.
+
+    Args:
+        history: metrics of each update.
+
+    Raises:
+        OccError: there are fewer than two.
+    """
     if len(history) < 2:
         raise OccError(
             f'the measured time was too short for two updates of the policy; got {len(history)}, '

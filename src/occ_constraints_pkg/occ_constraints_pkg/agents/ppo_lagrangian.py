@@ -23,6 +23,7 @@ import torch
 from torch import nn
 
 from occ_constraints_pkg.agents.checkpoint import read_checkpoint, with_arrays, write_checkpoint
+from occ_constraints_pkg.agents.multiplier import Multiplier
 from occ_constraints_pkg.agents.networks import (
     divergence,
     log_probability,
@@ -38,7 +39,7 @@ from occ_constraints_pkg.worlds.base import Column
 from occ_constraints_pkg.worlds.stream import StepBatch
 
 # Share of the first step size that is left at the end of its decay, and after it.
-_LEAST_STEP_SIZE = 0.03
+_LEAST_STEP_SIZE = 0.1
 
 
 class PPOLagrangian:
@@ -104,8 +105,13 @@ class PPOLagrangian:
             ],
             fused=True,
         )
-        self._multiplier = nn.Parameter(torch.tensor(float(config.multiplier_init)))
-        self._multiplier_optimiser = torch.optim.Adam([self._multiplier], lr=config.multiplier_lr)
+        self._multiplier = Multiplier(
+            limit=config.cost_limit,
+            start=config.multiplier_init,
+            rate=config.multiplier_rate,
+            gain=config.multiplier_gain,
+            band=config.multiplier_band,
+        )
         self._normaliser = Normaliser(k)
         self._policy = self.policy()
         self._rollout: Rollout | None = None
@@ -188,7 +194,7 @@ class PPOLagrangian:
     @property
     def multiplier(self) -> float:
         """The Lagrange multiplier, 0 or more."""
-        return self._multiplier.item()
+        return self._multiplier.value
 
     def _check(self, batch: StepBatch, cost: np.ndarray) -> np.ndarray:
         """Return the cost as (N,) float64, or refuse the step."""
@@ -240,7 +246,7 @@ class PPOLagrangian:
         started = time.perf_counter()
         mean_return, mean_cost, mean_length = self._episodes.means()
         if config.lagrangian:
-            self._update_multiplier(mean_cost)
+            self._multiplier.update(mean_cost)
         # The statistics change between rollouts, never within one. The first rollout was acted
         # without any; its own are used at once, which hardly matters to a policy whose mean is
         # still about 0 everywhere.
@@ -270,15 +276,6 @@ class PPOLagrangian:
             **losses,
         )
         self._clock, self._steps_then = now, self.steps
-
-    def _update_multiplier(self, mean_cost: float) -> None:
-        """Ascend on the multiplier: up while episodes cost more than allowed, down while less."""
-        if math.isnan(mean_cost):
-            return
-        self._multiplier.grad = torch.tensor(self.config.cost_limit - mean_cost)
-        self._multiplier_optimiser.step()
-        with torch.no_grad():
-            self._multiplier.clamp_(min=0.0)
 
     def _set_step_sizes(self) -> None:
         config, left = self.config, 1.0
@@ -442,8 +439,7 @@ class PPOLagrangian:
             'rng': json.dumps(self._rng.bit_generator.state),
             'networks': self._networks.state_dict(),
             'optimiser': self._optimiser.state_dict(),
-            'multiplier': self.multiplier,
-            'multiplier_optimiser': self._multiplier_optimiser.state_dict(),
+            'multiplier': [self._multiplier.integral, self._multiplier.value],
             'normaliser': vars(self._normaliser),
             'stream': None,
         }
@@ -472,9 +468,7 @@ class PPOLagrangian:
         self._rng.bit_generator.state = json.loads(state['rng'])
         self._networks.load_state_dict(state['networks'])
         self._optimiser.load_state_dict(state['optimiser'])
-        with torch.no_grad():
-            self._multiplier.fill_(state['multiplier'])
-        self._multiplier_optimiser.load_state_dict(state['multiplier_optimiser'])
+        self._multiplier.integral, self._multiplier.value = state['multiplier']
         self._normaliser.count = state['normaliser']['count']
         self._normaliser.mean = state['normaliser']['mean'].numpy()
         self._normaliser.variance = state['normaliser']['variance'].numpy()

@@ -17,14 +17,16 @@ class PPOLagrangianConfig:
         lagrangian: ``False`` ignores the cost altogether: unconstrained PPO.
         cost_limit: allowed mean cost per episode, 0 or more.
         multiplier_init: Lagrange multiplier at the start, 0 or more.
-        multiplier_lr: Adam's step size for the multiplier, per update.
+        multiplier_rate: change of the multiplier's integral per update and unit of excess.
+        multiplier_gain: proportional part of the multiplier per unit of excess.
+        multiplier_band: share of the cost limit that makes one unit of excess, the most that counts.
         rollout_steps: steps of each robot between updates.
         passes: most passes over a rollout per update.
         minibatch: transitions per gradient step.
         actor_lr: Adam's step size for the policy.
         critic_lr: Adam's step size for both critics.
         decay_steps: the step sizes of all networks fall linearly over this many robot steps, down
-            to 3 % of their first value; 0: they stay.
+            to 10 % of their first value; 0: they stay.
         gamma: discount per step, of reward and cost alike.
         lam: GAE's lambda, of reward and cost alike.
         clip: bound on the change of the probability ratio.
@@ -43,7 +45,9 @@ class PPOLagrangianConfig:
     lagrangian: bool = True
     cost_limit: float = 25.0
     multiplier_init: float = 0.001
-    multiplier_lr: float = 0.05
+    multiplier_rate: float = 0.05
+    multiplier_gain: float = 0.5
+    multiplier_band: float = 1.0 / 3.0
     rollout_steps: int = 256
     passes: int = 5
     minibatch: int = 4096
@@ -68,7 +72,13 @@ class PPOLagrangianConfig:
         Raises:
             OccError: the first such setting.
         """
-        for name in ('cost_limit', 'multiplier_init', 'multiplier_lr', 'decay_steps'):
+        for name in (
+            'cost_limit',
+            'multiplier_init',
+            'multiplier_rate',
+            'multiplier_gain',
+            'decay_steps',
+        ):
             self._require(name, getattr(self, name) >= 0, '0 or more')
         for name in ('rollout_steps', 'passes', 'minibatch', 'window', 'threads'):
             self._require(name, getattr(self, name) >= 1, '1 or more')
@@ -78,6 +88,7 @@ class PPOLagrangianConfig:
             'clip',
             'target_kl',
             'max_grad_norm',
+            'multiplier_band',
             'observation_clip',
         ):
             self._require(name, getattr(self, name) > 0, 'above 0')

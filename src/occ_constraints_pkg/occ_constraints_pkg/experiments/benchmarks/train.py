@@ -33,9 +33,7 @@ def run(seconds: float = 60.0) -> dict[str, Any]:
     learner = PPOLagrangian(
         PPOLagrangianConfig(), world.columns, world.action_columns, world.name, settings.seed
     )
-    history = train(
-        world, learner, TrueCost(), seed=settings.seed, seconds=_PEER_SHARE * seconds
-    )
+    history = train(world, learner, TrueCost(), seed=settings.seed, seconds=_PEER_SHARE * seconds)
     world.close()
     lines = [metrics.as_dict() for metrics in history]
     return {

@@ -1,0 +1,45 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""The Lagrange multiplier on the cost, as a controller that holds the cost at its limit."""
+
+from __future__ import annotations
+
+import math
+
+
+class Multiplier:
+    """A proportional-integral controller (Stooke, Achiam and Abbeel 2020), bounded in both parts.
+
+    The excess of the cost over its limit counts in units of ``band`` times the limit (of ``band``
+    where the limit is below 1), and as at most 1 unit: a cost far above its limit, as there is
+    before anything is learned, then raises the multiplier no faster than a reward can be learned
+    beside it, while a cost near its limit is answered in proportion.
+
+    Attributes:
+        integral: the part that remembers, 0 or more.
+        value: the multiplier, 0 or more.
+    """
+
+    def __init__(
+        self, *, limit: float, start: float, rate: float, gain: float, band: float
+    ) -> None:
+        """Start with the integral alone.
+
+        Args:
+            limit: allowed mean cost per episode.
+            start: first value.
+            rate: change of the integral per update and unit of excess.
+            gain: proportional part per unit of excess.
+            band: share of the limit that makes one unit.
+        """
+        self._limit, self._rate, self._gain = limit, rate, gain
+        self._unit = band * max(limit, 1.0)
+        self.integral = self.value = start
+
+    def update(self, cost: float) -> None:
+        """Follow the mean cost of recent episodes; NaN, before there are any, changes nothing."""
+        if math.isnan(cost):
+            return
+        excess = min(1.0, max(-1.0, (cost - self._limit) / self._unit))
+        self.integral = max(0.0, self.integral + self._rate * excess)
+        self.value = max(0.0, self.integral + self._gain * excess)

@@ -11,7 +11,6 @@ its caller, so that the same class serves a plain loop and a ROS node.
 from __future__ import annotations
 
 import json
-import math
 import time
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -23,16 +22,21 @@ import torch
 from torch import nn
 
 from occ_constraints_pkg.agents.checkpoint import read_checkpoint, with_arrays, write_checkpoint
+from occ_constraints_pkg.agents.improvement import TrainingData, improve
 from occ_constraints_pkg.agents.multiplier import Multiplier
 from occ_constraints_pkg.agents.networks import (
-    divergence,
-    log_probability,
     mlp,
     numbers,
     torch_device,
 )
 from occ_constraints_pkg.agents.policy import GaussianPolicy, column_names
-from occ_constraints_pkg.agents.rollout import Episodes, Normaliser, Rollout, advantages
+from occ_constraints_pkg.agents.rollout import (
+    Episodes,
+    Normaliser,
+    Rollout,
+    advantages,
+    checked_cost,
+)
 from occ_constraints_pkg.agents.settings import PPOLagrangianConfig, TrainingMetrics
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.worlds.base import Column
@@ -142,7 +146,8 @@ class PPOLagrangian:
             OccError: another number of robots or columns than before, or a number that is not
                 finite: a missing cost is never taken for 0.
         """
-        cost = self._check(batch, cost)
+        robots = None if self._rollout is None else self._rollout.reward.shape[1]
+        cost = checked_cost(batch, cost, robots, len(self.columns))
         if self._rollout is None:
             self._allocate(len(cost))
         if self._open:
@@ -196,27 +201,6 @@ class PPOLagrangian:
         """The Lagrange multiplier, 0 or more."""
         return self._multiplier.value
 
-    def _check(self, batch: StepBatch, cost: np.ndarray) -> np.ndarray:
-        """Return the cost as (N,) float64, or refuse the step."""
-        cost = np.asarray(cost, dtype=np.float64)
-        shape = batch.observation.shape
-        robots = shape[0] if self._rollout is None else self._rollout.reward.shape[1]
-        if shape != (robots, len(self.columns)):
-            raise OccError(
-                f'the learner got an observation of shape {shape}; allowed is '
-                f'({robots}, {len(self.columns)})'
-            )
-        for name, values in (('cost', cost), ('reward', batch.reward)):
-            if values.shape != (robots,) or not np.isfinite(values).all():
-                raise OccError(
-                    f'the learner got a {name} of shape {values.shape} with '
-                    f'{np.count_nonzero(~np.isfinite(values))} values missing or infinite; '
-                    f'allowed is ({robots},), all finite'
-                )
-        if not np.isfinite(batch.observation).all():
-            raise OccError('the learner got an observation that is not finite; allowed is finite')
-        return cost
-
     def _allocate(self, robots: int) -> None:
         k, a = len(self.columns), len(self.action_columns)
         self._rollout = Rollout(self.config.rollout_steps, robots, k, a)
@@ -255,7 +239,7 @@ class PPOLagrangian:
             self._normaliser.fold(rollout.observation[:-1])
             self._policy = self.policy()
         self._set_step_sizes()
-        losses = self._descend(*self._training_data())
+        losses = improve(self._networks, self._optimiser, self._training_data(), config, self._rng)
         if not first:
             self._normaliser.fold(rollout.observation[:-1])
         self._policy = self.policy()
@@ -286,8 +270,8 @@ class PPOLagrangian:
         ):
             group['lr'] = left * size
 
-    def _training_data(self) -> tuple[torch.Tensor, ...]:
-        """Return observation, action, advantage and both value targets of valid transitions."""
+    def _training_data(self) -> TrainingData:
+        """Return what the valid transitions teach."""
         config, rollout = self.config, self._rollout
         shape = rollout.observation.shape[:2]
         observation = self._normalised(rollout.observation).to(self._device)
@@ -306,7 +290,7 @@ class PPOLagrangian:
             advantage = (advantage - self.multiplier * penalty) / (1.0 + self.multiplier)
         action = torch.from_numpy(rollout.action[valid])
         targets = estimate + values[:-1][valid], cost_estimate + cost_values[:-1][valid]
-        return (
+        return TrainingData(
             observation.reshape(*shape, -1)[:-1][torch.from_numpy(valid).to(self._device)],
             action.to(self._device),
             *(
@@ -314,58 +298,6 @@ class PPOLagrangian:
                 for x in (advantage, *targets)
             ),
         )
-
-    def _descend(
-        self,
-        observation: torch.Tensor,
-        action: torch.Tensor,
-        advantage: torch.Tensor,
-        target: torch.Tensor,
-        cost_target: torch.Tensor,
-    ) -> dict[str, float]:
-        """Improve the networks, pass by pass, until the policy has moved far enough."""
-        config = self.config
-        rows = len(observation)
-        with torch.no_grad():
-            old_mean = self._actor(observation)
-            old_log_std = self._actor.log_std.clone()
-            old_log_prob = log_probability(action, old_mean, old_log_std)
-        passes, moved = 0, False
-        while passes < config.passes and not moved:
-            order = torch.from_numpy(self._rng.permutation(rows)).to(self._device)
-            sums = torch.zeros(4, device=self._device)
-            for index in order.split(config.minibatch):
-                x = observation[index]
-                mean, log_std = self._actor(x), self._actor.log_std
-                ratio = torch.exp(
-                    log_probability(action[index], mean, log_std) - old_log_prob[index]
-                )
-                clipped = ratio.clamp(1.0 - config.clip, 1.0 + config.clip)
-                gain = advantage[index]
-                policy_loss = -torch.min(ratio * gain, clipped * gain).mean()
-                value_loss = (self._critic(x)[:, 0] - target[index]).square().mean()
-                cost_loss = (self._cost_critic(x)[:, 0] - cost_target[index]).square().mean()
-                self._optimiser.zero_grad()
-                (policy_loss + value_loss + cost_loss).backward()
-                for network in self._networks.values():
-                    nn.utils.clip_grad_norm_(network.parameters(), config.max_grad_norm)
-                self._optimiser.step()
-                with torch.no_grad():
-                    kl = divergence(old_mean[index], old_log_std, mean, log_std)
-                    figures = torch.stack([kl, policy_loss, value_loss, cost_loss])
-                    sums += figures * (len(index) / rows)
-            passes += 1
-            moved = bool(sums[0] > config.target_kl)
-        kl, policy_loss, value_loss, cost_value_loss = sums.tolist()
-        log_std_sum = self._actor.log_std.sum().item()
-        return {
-            'kl': kl,
-            'passes': passes,
-            'entropy': log_std_sum + 0.5 * action.shape[1] * math.log(2.0 * math.pi * math.e),
-            'policy_loss': policy_loss,
-            'value_loss': value_loss,
-            'cost_value_loss': cost_value_loss,
-        }
 
     def _normalised(self, observation: np.ndarray) -> torch.Tensor:
         """Return the rows (..., k) as the networks see them, (rows, k)."""
@@ -444,18 +376,13 @@ class PPOLagrangian:
             'stream': None,
         }
         if rollout is not None:
-            # Right after an update this is next to nothing.
-            keep = rollout.filled + self._open
             state['stream'] = {
                 'robots': len(episodes.whole),
-                'filled': rollout.filled,
-                'rollout': {name: array[:keep] for name, array in rollout.arrays.items()},
+                # Right after an update this is next to nothing.
+                'rollout': rollout.state(rollout.filled + self._open),
+                'episodes': episodes.state(),
                 'open': self._open,
                 'last_done': self._last_done,
-                'finished': episodes.finished,
-                'recent': [list(sums) for sums in episodes.recent],
-                'sums': episodes.sums,
-                'whole': episodes.whole,
             }
         return state
 
@@ -469,21 +396,12 @@ class PPOLagrangian:
         self._networks.load_state_dict(state['networks'])
         self._optimiser.load_state_dict(state['optimiser'])
         self._multiplier.integral, self._multiplier.value = state['multiplier']
-        self._normaliser.count = state['normaliser']['count']
-        self._normaliser.mean = state['normaliser']['mean'].numpy()
-        self._normaliser.variance = state['normaliser']['variance'].numpy()
+        vars(self._normaliser).update(with_arrays(state['normaliser']))
         self._policy = self.policy()
-        stream = state['stream']
+        stream = with_arrays(state['stream'])
         if stream is None:
             return
         self._allocate(stream['robots'])
-        self._rollout.filled = stream['filled']
-        for name, array in self._rollout.arrays.items():
-            saved = stream['rollout'][name].numpy()
-            array[: len(saved)] = saved
-        self._open = stream['open']
-        self._last_done = stream['last_done'].numpy()
-        self._episodes.finished = stream['finished']
-        self._episodes.recent.extend(map(tuple, stream['recent']))
-        self._episodes.sums = stream['sums'].numpy()
-        self._episodes.whole = stream['whole'].numpy()
+        self._rollout.restore(stream['rollout'])
+        self._episodes.restore(stream['episodes'])
+        self._open, self._last_done = stream['open'], stream['last_done']

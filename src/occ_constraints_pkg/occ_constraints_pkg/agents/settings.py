@@ -19,7 +19,7 @@ class PPOLagrangianConfig:
         multiplier_init: Lagrange multiplier at the start, 0 or more.
         multiplier_rate: change of the multiplier's integral per update and unit of excess.
         multiplier_gain: proportional part of the multiplier per unit of excess.
-        multiplier_band: share of the cost limit that makes one unit of excess, the most that counts.
+        multiplier_band: share of the cost limit that makes one unit of excess.
         rollout_steps: steps of each robot between updates.
         passes: most passes over a rollout per update.
         minibatch: transitions per gradient step.

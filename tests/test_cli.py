@@ -143,6 +143,11 @@ def test_a_mistake_is_told_in_one_sentence(occ, files, line):
         'train simple_nav --cost-limit demonstrations -o x',
         'train simple_nav --device cudo -o x',
         'train simple_nav --device cudo --seeds 0:2 -o x',
+        'train simple_nav --set actr_lr=1 -o x',
+        'train simple_nav --set actor_lr=fast -o x',
+        'train simple_nav --set actor_lr="fast" -o x',
+        'train simple_nav --set minibatch=1.5 -o x',
+        'train simple_nav --set gamma=2 -o x',
         'train simple_nav --seeds 5 -o x',
         'train simple_nav --seeds 3:3 -o x',
         'train simple_nav --cost typo.yaml --seeds 0:2 -o x',
@@ -258,6 +263,7 @@ def test_an_edited_file_is_overwritten_on_request_and_kept(occ, files):
 def test_train_several_seeds_and_go_on(occ, files):
     pytest.importorskip('torch', reason="needs the extra 'train'")
     line = 'train simple_nav --cost rules.yaml --cost-limit demonstrations --robots 8 -o seeds'
+    line += ' --set hidden=[16] --set rollout_steps=64'
     code, out, err = occ(f'{line} --seeds 3:5 --steps 2500 --json')
     first = json.loads(out)
     assert (code, err) == (0, '')

@@ -9,10 +9,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from occ_constraints_pkg.agents.multiplier import Multiplier
+from occ_constraints_pkg.agents.settings import PPOLagrangianConfig
 
 
 def make(limit=25.0, start=1.0):
-    return Multiplier(limit=limit, start=start, rate=0.05, gain=0.5, band=0.2)
+    return Multiplier(
+        PPOLagrangianConfig(
+            cost_limit=limit,
+            multiplier_init=start,
+            multiplier_rate=0.05,
+            multiplier_gain=0.5,
+            multiplier_band=0.2,
+        )
+    )
 
 
 def test_a_known_course():

@@ -6,35 +6,28 @@ from __future__ import annotations
 
 import math
 
+from occ_constraints_pkg.agents.settings import PPOLagrangianConfig
+
 
 class Multiplier:
     """A proportional-integral controller (Stooke, Achiam and Abbeel 2020), bounded in both parts.
 
-    The excess of the cost over its limit counts in units of ``band`` times the limit (of ``band``
-    where the limit is below 1), and as at most 1 unit: a cost far above its limit, as there is
-    before anything is learned, then raises the multiplier no faster than a reward can be learned
-    beside it, while a cost near its limit is answered in proportion.
+    The excess of the cost over its limit counts in units of ``multiplier_band`` times the limit (of
+    ``multiplier_band`` where the limit is below 1), and as at most 1 unit: a cost far above its
+    limit, as there is before anything is learned, then raises the multiplier no faster than a
+    reward can be learned beside it, while a cost near its limit is answered in proportion.
 
     Attributes:
         integral: the part that remembers, 0 or more.
         value: the multiplier, 0 or more.
     """
 
-    def __init__(
-        self, *, limit: float, start: float, rate: float, gain: float, band: float
-    ) -> None:
-        """Start with the integral alone.
-
-        Args:
-            limit: allowed mean cost per episode.
-            start: first value.
-            rate: change of the integral per update and unit of excess.
-            gain: proportional part per unit of excess.
-            band: share of the limit that makes one unit.
-        """
-        self._limit, self._rate, self._gain = limit, rate, gain
-        self._unit = band * max(limit, 1.0)
-        self.integral = self.value = start
+    def __init__(self, config: PPOLagrangianConfig) -> None:
+        """Start with the integral alone, at ``multiplier_init``."""
+        self._limit, self._rate = config.cost_limit, config.multiplier_rate
+        self._gain = config.multiplier_gain
+        self._unit = config.multiplier_band * max(config.cost_limit, 1.0)
+        self.integral = self.value = config.multiplier_init
 
     def update(self, cost: float) -> None:
         """Follow the mean cost of recent episodes; NaN, before there are any, changes nothing."""

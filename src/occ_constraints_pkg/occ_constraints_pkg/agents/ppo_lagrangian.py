@@ -109,13 +109,7 @@ class PPOLagrangian:
             ],
             fused=True,
         )
-        self._multiplier = Multiplier(
-            limit=config.cost_limit,
-            start=config.multiplier_init,
-            rate=config.multiplier_rate,
-            gain=config.multiplier_gain,
-            band=config.multiplier_band,
-        )
+        self._multiplier = Multiplier(config)
         self._normaliser = Normaliser(k)
         self._policy = self.policy()
         self._rollout: Rollout | None = None
@@ -125,8 +119,6 @@ class PPOLagrangian:
         self._last_done: np.ndarray | None = None
         self._clock = time.perf_counter()
         self._steps_then = 0
-
-    # --- one step ---------------------------------------------------------------------------
 
     def act(self, batch: StepBatch, cost: np.ndarray) -> np.ndarray:
         """Learn what the last action led to, and choose the next.
@@ -219,8 +211,6 @@ class PPOLagrangian:
         self._episodes.add(batch.reward, cost, valid, batch.done)
         self._open = False
 
-    # --- one update -------------------------------------------------------------------------
-
     def _update(self) -> None:
         """Learn from the full rollout and empty it."""
         config, rollout = self.config, self._rollout
@@ -238,10 +228,11 @@ class PPOLagrangian:
         if first:
             self._normaliser.fold(rollout.observation[:-1])
             self._policy = self.policy()
-        self._set_step_sizes()
         losses = improve(self._networks, self._optimiser, self._training_data(), config, self._rng)
         if not first:
             self._normaliser.fold(rollout.observation[:-1])
+        # After the steps, for the ratio compares with the policy that acted.
+        self._follow_schedule()
         self._policy = self.policy()
         rollout.filled = 0
         self.updates += 1
@@ -261,14 +252,19 @@ class PPOLagrangian:
         )
         self._clock, self._steps_then = now, self.steps
 
-    def _set_step_sizes(self) -> None:
-        config, left = self.config, 1.0
-        if config.decay_steps:
-            left = max(_LEAST_STEP_SIZE, 1.0 - self.steps / config.decay_steps)
+    def _follow_schedule(self) -> None:
+        """Let step sizes and the bound on exploration fall with the steps made."""
+        config = self.config
+        if not config.decay_steps:
+            return
+        left = max(0.0, 1.0 - self.steps / config.decay_steps)
         for group, size in zip(
             self._optimiser.param_groups, (config.actor_lr, config.critic_lr), strict=True
         ):
-            group['lr'] = left * size
+            group['lr'] = max(_LEAST_STEP_SIZE, left) * size
+        bound = config.log_std_end + left * (config.log_std_init - config.log_std_end)
+        with torch.no_grad():
+            self._actor.log_std.clamp_(max=bound)
 
     def _training_data(self) -> TrainingData:
         """Return what the valid transitions teach."""
@@ -305,8 +301,6 @@ class PPOLagrangian:
         x = (observation - policy.observation_mean) / np.sqrt(policy.observation_variance)
         np.clip(x, -policy.observation_clip, policy.observation_clip, out=x)
         return torch.from_numpy(x.reshape(-1, x.shape[-1]))
-
-    # --- checkpoints ------------------------------------------------------------------------
 
     def save(self, path: Path | str, **companions: Any) -> None:
         """Write all that an exact continuation needs, replacing the file in a single move.

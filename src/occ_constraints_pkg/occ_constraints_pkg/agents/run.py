@@ -4,13 +4,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from occ_constraints_pkg.agents.rule_cost import RuleCost
-from occ_constraints_pkg.agents.settings import PPOLagrangianConfig, TrainingMetrics
+from occ_constraints_pkg.agents.settings import (
+    PPOLagrangianConfig,
+    TrainingMetrics,
+    learner_settings,
+)
 from occ_constraints_pkg.agents.training import CostSource, TrainingDirectory, TrueCost, train
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.rules.constraints_file import Constraints, load_constraints
@@ -36,6 +40,7 @@ class RunSettings:
         seed: of the world, of weights, exploration and minibatches.
         device: where updates are computed, ``cpu`` or ``cuda``.
         threads: threads that step the world; 0: one per core.
+        learner: settings of the learner that differ from the defaults, by name.
     """
 
     world: str
@@ -46,6 +51,7 @@ class RunSettings:
     seed: int = 0
     device: str = 'cpu'
     threads: int = 0
+    learner: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -172,17 +178,16 @@ def _constraints(settings: RunSettings) -> Constraints | None:
 
 
 def _config(settings: RunSettings, constraints: Constraints | None) -> PPOLagrangianConfig:
-    return PPOLagrangianConfig(
-        cost_limit=cost_limit(settings.cost_limit, constraints),
-        lagrangian=settings.cost != 'none',
-        decay_steps=settings.steps,
-        device=settings.device,
-    )
+    chosen = {
+        'cost_limit': cost_limit(settings.cost_limit, constraints),
+        'lagrangian': settings.cost != 'none',
+        'decay_steps': settings.steps,
+        'device': settings.device,
+    }
+    return learner_settings({**settings.learner, **chosen})
 
 
-def _fixed(
-    settings: RunSettings, constraints: Constraints | None, limit: float
-) -> dict[str, float | str]:
+def _fixed(settings: RunSettings, constraints: Constraints | None, limit: float) -> dict[str, Any]:
     """Return what a resumed training must agree with."""
     fixed = {**asdict(settings), 'cost_limit': limit}
     for free in ('steps', 'device', 'threads'):

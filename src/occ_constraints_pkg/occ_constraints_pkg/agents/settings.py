@@ -4,8 +4,11 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from typing import Any
 
+from occ_constraints_pkg.documents import did_you_mean
 from occ_constraints_pkg.errors import OccError
 
 
@@ -35,6 +38,8 @@ class PPOLagrangianConfig:
         max_grad_norm: bound on the gradient's norm, for each network on its own.
         hidden: width of each hidden tanh layer, of all three networks.
         log_std_init: logarithm of the policy's initial standard deviation.
+        log_std_end: bound on it at the end of ``decay_steps``; the bound falls linearly from
+            ``log_std_init``.
         observation_clip: bound on the normalised observation.
         window: number of the last finished episodes over which means are taken.
         device: where updates are computed, ``cpu`` or ``cuda``; acting always uses the CPU.
@@ -46,7 +51,7 @@ class PPOLagrangianConfig:
     cost_limit: float = 25.0
     multiplier_init: float = 0.001
     multiplier_rate: float = 0.05
-    multiplier_gain: float = 0.5
+    multiplier_gain: float = 0.25
     multiplier_band: float = 1.0 / 3.0
     rollout_steps: int = 256
     passes: int = 5
@@ -61,6 +66,7 @@ class PPOLagrangianConfig:
     max_grad_norm: float = 1.0
     hidden: tuple[int, ...] = (64, 64)
     log_std_init: float = 0.0
+    log_std_end: float = -1.5
     observation_clip: float = 5.0
     window: int = 100
     device: str = 'cpu'
@@ -101,6 +107,37 @@ class PPOLagrangianConfig:
             raise OccError(
                 f'learner setting {name} is {getattr(self, name)!r}; allowed is {allowed}'
             )
+
+
+def learner_settings(values: Mapping[str, Any]) -> PPOLagrangianConfig:
+    """Return the defaults with some settings changed.
+
+    Args:
+        values: settings by name; a whole number will do for one with a decimal point, and a list
+            for the widths.
+
+    Raises:
+        OccError: there is no such setting, or its value has another type or is out of range.
+    """
+    allowed = {item.name: item.default for item in fields(PPOLagrangianConfig)}
+    changed = {}
+    for name, value in values.items():
+        if name not in allowed:
+            hint = did_you_mean(name, allowed) or ';'
+            raise OccError(
+                f'there is no learner setting {name!r}{hint} there are {", ".join(allowed)}'
+            )
+        default = allowed[name]
+        if isinstance(default, float) and isinstance(value, int):
+            value = float(value)
+        if isinstance(default, tuple) and isinstance(value, list):
+            value = tuple(value)
+        if type(value) is not type(default):
+            raise OccError(
+                f'learner setting {name} is {value!r}; allowed is something like {default!r}'
+            )
+        changed[name] = value
+    return PPOLagrangianConfig(**changed)
 
 
 @dataclass(frozen=True)

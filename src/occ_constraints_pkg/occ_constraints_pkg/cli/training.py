@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,19 @@ def _limit(_context: Any, _parameter: Any, text: str) -> float | str:
         return float(text)
     except ValueError:
         raise click.BadParameter(f"got {text!r}; allowed is a number or 'demonstrations'") from None
+
+
+def _learner(_context: Any, _parameter: Any, texts: tuple[str, ...]) -> dict[str, Any]:
+    chosen = {}
+    for text in texts:
+        name, _, value = text.partition('=')
+        try:
+            chosen[name] = json.loads(value)
+        except ValueError:
+            raise click.BadParameter(
+                f'got {text!r}; allowed is NAME=VALUE, as in actor_lr=5e-4'
+            ) from None
+    return chosen
 
 
 @click.command()
@@ -81,6 +95,14 @@ def _limit(_context: Any, _parameter: Any, text: str) -> float | str:
     show_default=True,
     help='Threads that step the world; 0: one per core.',
 )
+@click.option(
+    '--set',
+    'learner',
+    multiple=True,
+    metavar='NAME=VALUE',
+    callback=_learner,
+    help='A setting of the learner, as in actor_lr=5e-4; may be repeated.',
+)
 @JSON
 def train(
     world: str,
@@ -94,6 +116,7 @@ def train(
     resume: bool,
     device: str,
     threads: int,
+    learner: dict[str, Any],
     as_json: bool,
 ) -> None:
     """Train a policy in one process, without ROS, or several with different seeds.
@@ -105,7 +128,9 @@ def train(
     """
     run = import_needed('occ train', 'occ_constraints_pkg.agents.run')
     import_needed('occ train', 'occ_constraints_pkg.agents.ppo_lagrangian')
-    settings = run.RunSettings(world, cost, cost_limit, steps, robots, seed, device, threads)
+    settings = run.RunSettings(
+        world, cost, cost_limit, steps, robots, seed, device, threads, learner
+    )
     # Refused before anything is written, and not by each of the seeds.
     limit = run.check(settings)
     if seeds is None:
@@ -150,6 +175,8 @@ def _train_several(
     arguments = [settings.world, '--cost', settings.cost, '--cost-limit', str(settings.cost_limit)]
     arguments += ['--steps', str(settings.steps), '--robots', str(settings.robots)]
     arguments += ['--device', settings.device, *(['--resume'] if resume else [])]
+    for name, value in settings.learner.items():
+        arguments += ['--set', f'{name}={json.dumps(value)}']
     with progress_bar(f'{len(seeds)} seeds', detail=True) as progress:
 
         def show(latest: dict[int, dict[str, Any]]) -> None:

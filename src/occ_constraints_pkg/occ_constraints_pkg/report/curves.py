@@ -14,7 +14,9 @@ mpl.use('Agg')
 
 import numpy as np
 from matplotlib import pyplot as plt
-from scipy.special import stdtrit
+
+from occ_constraints_pkg.agents.evaluation import half_width
+from occ_constraints_pkg.files import replacing
 
 _BLUE, _RED, _GREY = '#3b6ea5', '#c8362b', '#555555'
 _DOTS_PER_INCH = 110
@@ -37,6 +39,9 @@ def draw_training(
         histories: the lines of the metrics file of each seed.
         cost_limit: drawn as a line; ``None``: no limit.
         cost_name: what the cost is called.
+
+    Raises:
+        OccError: the file cannot be written.
     """
     length = min(map(len, histories))
     steps = _column(histories, 'steps', length).mean(axis=0) / 1e6
@@ -51,8 +56,7 @@ def draw_training(
         mean = values.mean(axis=0)
         axis.plot(steps, mean, color=colour)
         if len(values) > 1:
-            factor = stdtrit(len(values) - 1, 0.975) / np.sqrt(len(values))
-            half = factor * values.std(axis=0, ddof=1)
+            half = np.array([half_width(column) for column in values.T])
             axis.fill_between(steps, mean - half, mean + half, color=colour, alpha=0.25, lw=0)
         axis.set_title(title, fontsize=10)
         axis.set_xlabel('million robot steps')
@@ -65,7 +69,8 @@ def draw_training(
             0.995, 0.01, f'mean and 95 % interval of {len(histories)} seeds', ha='right', fontsize=7
         )
     figure.tight_layout()
-    figure.savefig(path, dpi=_DOTS_PER_INCH)
+    with replacing(path) as draft:
+        figure.savefig(draft, dpi=_DOTS_PER_INCH, format='png')
     plt.close(figure)
 
 

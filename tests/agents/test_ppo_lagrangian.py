@@ -298,3 +298,22 @@ def test_settings_outside_their_range_are_refused(setting):
 def test_an_unknown_device_is_refused():
     with pytest.raises(OccError, match="device is 'abacus'"):
         make_learner(device='abacus')
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason='there is a GPU')
+def test_without_a_gpu_cuda_is_refused_also_when_resuming(tmp_path):
+    with pytest.raises(OccError, match="device is 'cuda'; this machine has cpu"):
+        make_learner(device='cuda')
+    make_learner().save(tmp_path / 'checkpoint.pt')
+    with pytest.raises(OccError, match="device is 'cuda'; this machine has cpu"):
+        PPOLagrangian.load(tmp_path / 'checkpoint.pt', device='cuda')
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason='there is no GPU')
+def test_a_gpu_learns_the_same():
+    curves = []
+    for device in ('cpu', 'cuda'):
+        learner, stream = make_learner(device=device), EpisodeStream(LineWorld(8), seed=1)
+        _, curve = run(learner, stream, stream.reset(), 60)
+        curves.append([[item.kl, item.value_loss, item.policy_loss] for item in curve])
+    np.testing.assert_allclose(*curves, rtol=1e-2, atol=1e-4)

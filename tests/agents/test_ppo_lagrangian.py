@@ -115,22 +115,17 @@ def test_multiplier_follows_the_cost_of_episodes_once_there_are_any():
 
 
 @pytest.mark.parametrize('decay_steps', [0, 500])
-def test_step_sizes_and_exploration_follow_the_schedule(decay_steps):
-    learner = make_learner(decay_steps=decay_steps, log_std_end=-1.0)
-    stream = EpisodeStream(LineWorld(8), seed=1)
-    batch, sizes, spreads = stream.reset(), [], []
+def test_step_sizes_fall_to_a_tenth(decay_steps):
+    learner, stream = make_learner(decay_steps=decay_steps), EpisodeStream(LineWorld(8), seed=1)
+    batch, sizes = stream.reset(), []
     for _ in range(6):
         batch, _ = run(learner, stream, batch, 17)
         sizes.append(learner._optimiser.param_groups[0]['lr'])
-        spreads.append(learner.policy().log_std.item())
     if decay_steps:
         assert (np.diff(sizes) <= 0).all()
         assert sizes[-1] == pytest.approx(1e-4)
-        assert spreads[-1] == pytest.approx(-1.0, abs=0.01)
-        assert (np.diff(spreads)[:3] < 0).all()
     else:
         assert sizes == [1e-3] * 6
-        assert max(spreads) > -0.2
 
 
 def test_unconstrained_mode_ignores_the_cost():

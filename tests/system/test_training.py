@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 from occ_constraints_pkg.agents.policy import GaussianPolicy
 from occ_constraints_pkg.bags.table import Table
+from occ_constraints_pkg.cli import main
 from occ_constraints_pkg.rules import FeatureSpace
+from occ_constraints_pkg.rules.constraints_file import load_constraints
 from occ_constraints_pkg.worlds.registry import world_class
 
 ROBOTS = 8
@@ -136,6 +138,11 @@ def test_training_survives_the_death_of_any_node(nodes, witness, rules_of):
     first = max(item['evaluated'] for item in counts)
     judged = len(witness.heard.costs) * ROBOTS
     assert steps.sum() / 2 < first <= judged
+    # The counters of the whole training decide which rules go.
+    pruned = nodes.folder / 'pruned.yaml'
+    line = ['prune', str(rules), '--counts', str(kept), '--threshold', '0.001', '-o', str(pruned)]
+    assert main(line) == 0
+    assert max(rule.evaluated for rule in load_constraints(pruned).rule_set.rules) == first
 
 
 def test_the_learner_waits_for_a_monitor_that_knows(nodes, witness, rules_of):

@@ -228,11 +228,13 @@ class PPOLagrangian:
         if first:
             self._normaliser.fold(rollout.observation[:-1])
             self._policy = self.policy()
+        if config.decay_steps:
+            left = max(_LEAST_STEP_SIZE, 1.0 - self.steps / config.decay_steps)
+            actor, critics = self._optimiser.param_groups
+            actor['lr'], critics['lr'] = left * config.actor_lr, left * config.critic_lr
         losses = improve(self._networks, self._optimiser, self._training_data(), config, self._rng)
         if not first:
             self._normaliser.fold(rollout.observation[:-1])
-        # After the steps, for the ratio compares with the policy that acted.
-        self._follow_schedule()
         self._policy = self.policy()
         rollout.filled = 0
         self.updates += 1
@@ -251,20 +253,6 @@ class PPOLagrangian:
             **losses,
         )
         self._clock, self._steps_then = now, self.steps
-
-    def _follow_schedule(self) -> None:
-        """Let step sizes and the bound on exploration fall with the steps made."""
-        config = self.config
-        if not config.decay_steps:
-            return
-        left = max(0.0, 1.0 - self.steps / config.decay_steps)
-        for group, size in zip(
-            self._optimiser.param_groups, (config.actor_lr, config.critic_lr), strict=True
-        ):
-            group['lr'] = max(_LEAST_STEP_SIZE, left) * size
-        bound = config.log_std_end + left * (config.log_std_init - config.log_std_end)
-        with torch.no_grad():
-            self._actor.log_std.clamp_(max=bound)
 
     def _training_data(self) -> TrainingData:
         """Return what the valid transitions teach."""

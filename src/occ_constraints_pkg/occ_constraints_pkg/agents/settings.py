@@ -38,8 +38,6 @@ class PPOLagrangianConfig:
         max_grad_norm: bound on the gradient's norm, for each network on its own.
         hidden: width of each hidden tanh layer, of all three networks.
         log_std_init: logarithm of the policy's initial standard deviation.
-        log_std_end: bound on it at the end of ``decay_steps``; the bound falls linearly from
-            ``log_std_init``.
         observation_clip: bound on the normalised observation.
         window: number of the last finished episodes over which means are taken.
         device: where updates are computed, ``cpu`` or ``cuda``; acting always uses the CPU.
@@ -50,7 +48,7 @@ class PPOLagrangianConfig:
     lagrangian: bool = True
     cost_limit: float = 25.0
     multiplier_init: float = 0.001
-    multiplier_rate: float = 0.05
+    multiplier_rate: float = 0.03
     multiplier_gain: float = 0.25
     multiplier_band: float = 1.0 / 3.0
     rollout_steps: int = 256
@@ -66,7 +64,6 @@ class PPOLagrangianConfig:
     max_grad_norm: float = 1.0
     hidden: tuple[int, ...] = (64, 64)
     log_std_init: float = 0.0
-    log_std_end: float = -1.5
     observation_clip: float = 5.0
     window: int = 100
     device: str = 'cpu'

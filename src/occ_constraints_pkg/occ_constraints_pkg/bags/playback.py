@@ -77,8 +77,15 @@ class Playback:
         return self._base_ns + round((now - self._since) * self._rate * 1e9)
 
     def due(self, now: float) -> Iterator[RawMessage]:
-        """Yield the messages that should be out by now; those not taken are due next time."""
-        while self._next is not None and self._next.log_time_ns <= self.time_ns(now):
+        """Yield the messages that should be out by now, none in a pause.
+
+        Those not taken are due next time.
+        """
+        while (
+            self._next is not None
+            and not self._paused
+            and self._next.log_time_ns <= self.time_ns(now)
+        ):
             message, self._next = self._next, next(self._messages, None)
             if self._next is None and self._loop:
                 self._rewind(now)

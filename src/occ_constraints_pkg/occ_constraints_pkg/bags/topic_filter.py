@@ -5,8 +5,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection
-from dataclasses import dataclass
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, replace
 
 from occ_constraints_pkg.errors import OccError
 
@@ -16,9 +16,9 @@ class TopicFilter:
     """Chooses topics as ``ros2 bag record`` and ``ros2 bag play`` do.
 
     Attributes:
-        names: full names of topics that are meant.
+        names: topics that are meant.
         regex: topics in whose name this pattern is found are meant too; empty: none.
-        exclude: full names of topics that are not meant in any case.
+        exclude: topics that are not meant in any case.
         exclude_regex: nor are topics in whose name this pattern is found; empty: none.
 
     Without names and pattern all topics are meant but hidden ones, of whose name a part begins
@@ -42,6 +42,12 @@ class TopicFilter:
                     f'{pattern!r} chooses no topics: {error}; allowed is a regular expression'
                 ) from error
 
+    def with_names(self, full_name: Callable[[str], str]) -> TopicFilter:
+        """Return the same choice with each name completed."""
+        return replace(
+            self, names=set(map(full_name, self.names)), exclude=set(map(full_name, self.exclude))
+        )
+
     def allows(self, topic: str) -> bool:
         """Tell whether a topic is meant, by its full name with the leading slash."""
         if topic in self.exclude or _found(self.exclude_regex, topic):
@@ -52,7 +58,10 @@ class TopicFilter:
 
     def __str__(self) -> str:
         meant = [*sorted(self.names), *([f'/{self.regex}/'] if self.regex else [])]
-        left_out = [*sorted(self.exclude), *([f'/{self.exclude_regex}/'] if self.exclude_regex else [])]
+        left_out = [
+            *sorted(self.exclude),
+            *([f'/{self.exclude_regex}/'] if self.exclude_regex else []),
+        ]
         text = ', '.join(meant) or 'all topics'
         return f'{text} but {", ".join(left_out)}' if left_out else text
 

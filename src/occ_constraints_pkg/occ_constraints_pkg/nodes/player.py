@@ -32,12 +32,7 @@ class Player(OccNode):
     def __init__(self) -> None:
         super().__init__('player')
         bag = self.parameter('bag', '', 'rosbag2 directory or .mcap file')
-        if not bag:
-            raise OccError("parameter 'bag' of node 'player' is missing; give a recording")
-        recording = Recording(bag)
-        for warning in recording.warnings:
-            self.get_logger().warning(warning)
-        chosen = topic_filter(self, 'play', recording.find)
+        chosen = topic_filter(self, 'play')
         rate = self.parameter('rate', 1.0, 'speed, 1.0: as recorded', low=0.001)
         loop = self.parameter('loop', False, 'start again at the end')
         offset = self.parameter(
@@ -50,6 +45,12 @@ class Player(OccNode):
         self._wanted = self.parameter(
             'wait_for_subscribers', 0, 'subscriptions over all topics before the start', low=0
         )
+        if not bag:
+            raise OccError("parameter 'bag' of node 'player' is missing; give a recording")
+        recording = Recording(bag)
+        for warning in recording.warnings:
+            self.get_logger().warning(warning)
+        chosen = chosen.with_names(recording.find)
         topics = [topic for topic in recording.topics if chosen.allows(topic)]
         self._publishers_of = self._advertise(recording, topics)
         self._playback = Playback(

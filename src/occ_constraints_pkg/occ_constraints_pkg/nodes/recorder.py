@@ -12,7 +12,6 @@ from rclpy.subscription import Subscription
 
 from occ_constraints_pkg.bags.definitions import find_definition
 from occ_constraints_pkg.bags.qos import from_profile
-
 from occ_constraints_pkg.bags.writer import BagWriter
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.ros.bag_topics import profile_to_record, topic_filter
@@ -39,7 +38,7 @@ class Recorder(OccNode):
     def __init__(self) -> None:
         super().__init__('recorder')
         output = self.parameter('output', '', 'directory of the new bag; must not exist yet')
-        self._filter = topic_filter(self, 'record', self.full_name)
+        self._filter = topic_filter(self, 'record').with_names(self.full_name)
         compression = self.parameter('compression', 'zstd', 'zstd, lz4 or none')
         max_bytes = self.parameter(
             'max_bag_size', 0, 'bytes after which a new file is begun; 0: never', low=0

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -16,23 +16,21 @@ from occ_constraints_pkg.ros.process import OccNode
 _DEPTH = 1000
 
 
-def topic_filter(node: OccNode, verb: str, full_name: Callable[[str], str]) -> TopicFilter:
-    """Declare the parameters that choose topics, and return the choice.
+def topic_filter(node: OccNode, verb: str) -> TopicFilter:
+    """Declare the parameters that choose topics, and return the choice, names as they are given.
 
     Args:
         node: gets the parameters.
         verb: what is done to the topics.
-        full_name: completes the name of a topic.
 
     Raises:
-        OccError: a name or a pattern is not valid.
+        OccError: a pattern is not valid.
     """
-    names = node.parameter('topics', [], f'topics to {verb}; none here nor in regex: all')
-    regex = node.parameter('regex', '', f'topics with this pattern in their name to {verb}')
-    exclude = node.parameter('exclude_topics', [], f'topics not to {verb}')
-    exclude_regex = node.parameter('exclude_regex', '', f'pattern of topics not to {verb}')
     return TopicFilter(
-        frozenset(map(full_name, names)), regex, frozenset(map(full_name, exclude)), exclude_regex
+        node.parameter('topics', [], f'topics to {verb}; none here nor in regex: all'),
+        node.parameter('regex', '', f'topics to {verb}: those with this pattern in their name'),
+        node.parameter('exclude_topics', [], f'topics not to {verb}'),
+        node.parameter('exclude_regex', '', f'pattern of topics not to {verb}'),
     )
 
 

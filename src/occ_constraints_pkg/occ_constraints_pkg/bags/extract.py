@@ -219,6 +219,7 @@ def extract(
         extractor = FeatureExtractor(feature_map)
         pace = topics[topic_key(feature_map.pace)]
         latest: dict[str, RawMessage] = {}
+        begin = recording.start_ns
         for raw in recording.messages(topics.values()):
             done += 1
             if progress is not None:
@@ -232,7 +233,7 @@ def extract(
             latest.clear()
             rows = extractor.push(raw.topic, recording.decode(raw), raw.log_time_ns)
             if not rows.repeat:
-                part.add(rows)
+                part.add(rows, raw.log_time_ns - begin)
         if not part.values:
             raise OccError(
                 f'{recording.path} has no message on {pace!r}, which sets the pace; '
@@ -247,6 +248,8 @@ def extract(
         stamps_ns=np.concatenate([stamps for part in parts for stamps in part.stamps]),
         episodes=np.concatenate([part.episodes for part in parts]),
         true_cost=np.concatenate(costs) if any(part.has_cost for part in parts) else None,
+        times_ns=np.concatenate([times for part in parts for times in part.times]),
+        recordings=np.repeat(np.arange(len(parts)), [len(part.episodes) for part in parts]),
         sources=tuple(recording.fingerprint() for recording in recordings),
         warnings=tuple(text for recording in recordings for text in recording.warnings),
     )
@@ -258,17 +261,19 @@ class _Part:
     def __init__(self) -> None:
         self.values: list[np.ndarray] = []
         self.stamps: list[np.ndarray] = []
+        self.times: list[np.ndarray] = []
         self.costs: list[np.ndarray] = []
         self.episodes = np.empty(0, dtype=np.int64)
         self.has_cost = False
         self._robots: list[np.ndarray] = []
         self._numbers: list[np.ndarray] = []
 
-    def add(self, rows: FeatureRows) -> None:
+    def add(self, rows: FeatureRows, time_ns: int) -> None:
         count = len(rows.values)
         columns = () if rows.table is None else rows.table.names
         self.values.append(rows.values)
         self.stamps.append(np.full(count, rows.stamp_ns, dtype=np.int64))
+        self.times.append(np.full(count, time_ns, dtype=np.int64))
         if 'true_cost' in columns:
             self.has_cost = True
             self.costs.append(rows.table.column('true_cost').astype(np.float64))

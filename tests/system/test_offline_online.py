@@ -76,7 +76,7 @@ class LockStep:
             # Callbacks run in the order in which their messages came, so whatever this message
             # brings about has been published when the call is answered.
             answer = self.done.call_async(SetBool.Request(data=True))
-            witness._executor.spin_until_future_complete(answer, 30.0)
+            witness.spin_until_done(answer, 30.0)
             assert answer.result().success
 
 
@@ -162,9 +162,10 @@ def test_a_made_up_bag(lock_step, tmp_path, pace):
     if pace == '/scan':
         # One scan came twice.
         assert len(data) == len(messages) - 1
+        assert set(judgement.verdict) == set(Verdict)
     else:
         assert data.stamps_ns.tolist() == messages
-    assert set(judgement.verdict) == set(Verdict)
+        assert {Verdict.SAFE, Verdict.UNKNOWN} <= set(judgement.verdict)
 
 
 @pytest.mark.parametrize(

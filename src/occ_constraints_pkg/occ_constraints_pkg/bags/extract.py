@@ -273,6 +273,9 @@ class _Part:
         columns = () if rows.table is None else rows.table.names
         self.values.append(rows.values)
         self.stamps.append(np.full(count, rows.stamp_ns, dtype=np.int64))
+        if rows.table is not None:
+            # A simulation steps faster or slower than it is recorded.
+            time_ns = rows.stamp_ns - int(self.stamps[0][0])
         self.times.append(np.full(count, time_ns, dtype=np.int64))
         if 'true_cost' in columns:
             self.has_cost = True

@@ -62,7 +62,7 @@ class Timeline:
     Attributes:
         data: what was judged.
         judgement: of its rows.
-        unit: ``s`` since the start of the recording; ``row`` for tables, which know no time.
+        unit: ``s`` since the start of the recording; ``row`` for table files, which know no time.
         starts: (n,) when each row's verdict begins.
         stands: (n,) how long it stands.
         silence: (n,) how much longer nothing came, which counts as UNKNOWN.
@@ -172,7 +172,8 @@ class _Clock:
         times, episodes = self._data.times_ns[self._order], self._data.episodes[self._order]
         gaps = np.zeros(len(times))
         for first, last in _runs(episodes[1:] == episodes[:-1], len(times)):
-            steps = np.diff(times[first : last + 1]) * 1e-9
+            # Stamps, of which tables have their time, may go back.
+            steps = np.maximum(np.diff(times[first : last + 1]), 0) * 1e-9
             gaps[first:last] = steps
             gaps[last] = np.median(steps) if len(steps) else 0.0
         return gaps[self._rank]

@@ -112,7 +112,7 @@ MISTAKES = {
     'evaluate rules.yaml': 'rules.yaml',
     'evaluate policy.npz --world simple_nave': "did you mean 'simple_nav'",
     'evaluate policy.npz --episodes 0': '0',
-    'bench lop': "'lop' is not 'loop'",
+    'bench lop': "'lop' is not",
     'node': "Missing argument 'NAME'",
     'node monitr': "did you mean 'monitor'",
 }

@@ -37,7 +37,7 @@ from sklearn.svm import OneClassSVM
 
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.experiments.article_printed import METHODS, NOISE_LEVELS, markdown
-from occ_constraints_pkg.experiments.bench import machine, versions
+from occ_constraints_pkg.experiments.conditions import machine, versions
 from occ_constraints_pkg.learning.octree import fit_tree, oversteps
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.learning.tree import Node

@@ -1,15 +1,12 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Speed benchmarks behind ``occ bench``."""
+"""The loop of sim, monitor and learner beside the same training in one process."""
 
 from __future__ import annotations
 
 import json
-import os
-import platform
 import tempfile
-from collections.abc import Iterable, Mapping
-from importlib.metadata import PackageNotFoundError, version
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +18,7 @@ from occ_constraints_pkg.agents.rule_cost import RuleCost
 from occ_constraints_pkg.agents.training import train
 from occ_constraints_pkg.bags.feature_map import load_feature_map
 from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.experiments.conditions import machine, versions
 from occ_constraints_pkg.experiments.processes import nodes_running, private_domain
 from occ_constraints_pkg.learning.learn import learn
 from occ_constraints_pkg.rules.constraints_file import Constraints
@@ -34,7 +32,7 @@ _DEMONSTRATION_ROBOTS = 20
 _START_SECONDS = 60.0
 
 
-def bench_loop(seconds: float) -> dict[str, Any]:
+def run(seconds: float = 20.0) -> dict[str, Any]:
     """Compare training over topics (three processes) with training in one process.
 
     Both run the same learner on PointGoal1 with costs from the same learned rules, by turns, so
@@ -70,23 +68,6 @@ def bench_loop(seconds: float) -> dict[str, Any]:
         'machine': machine(),
         'versions': versions(('numpy', 'torch', 'mujoco', 'ros-rclpy')),
     }
-
-
-def machine() -> dict[str, Any]:
-    """Describe the machine as far as it matters for speed."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, 'sched_getaffinity') else os.cpu_count()
-    return {'cores': cores, 'processor': platform.machine(), 'system': platform.system()}
-
-
-def versions(packages: Iterable[str]) -> dict[str, str]:
-    """Return the versions of Python and of those packages that are installed."""
-    found = {'python': platform.python_version()}
-    for package in packages:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            continue
-    return found
 
 
 def _demonstrated_constraints() -> Constraints:

@@ -1,0 +1,14 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Speed benchmarks behind ``occ bench NAME``: one module each.
+
+Each module has ``run(seconds)``, which returns one document: ``metrics`` and ``peers`` (flat: a
+name with its unit and a number), ``settings``, ``machine`` and ``versions``. ``seconds`` has a
+default of its own.
+"""
+
+# Name on the command line -> what it measures, in words of the help. The module of that name is
+# imported when it runs, for some need extras.
+BENCHMARKS = {
+    'loop': 'training over topics beside training in one process',
+}

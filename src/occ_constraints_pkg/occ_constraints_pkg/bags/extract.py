@@ -12,10 +12,12 @@ from typing import Any
 import numpy as np
 
 from occ_constraints_pkg.bags.dataset import Dataset
-from occ_constraints_pkg.bags.feature_map import FeatureMap, FeatureSource, topic_key
-from occ_constraints_pkg.bags.fields import FieldReader
+from occ_constraints_pkg.bags.feature_map import FeatureMap, topic_key
+from occ_constraints_pkg.bags.fields import MessageReader
 from occ_constraints_pkg.bags.recording import RawMessage, Recording
+from occ_constraints_pkg.bags.sources import Reading
 from occ_constraints_pkg.bags.table import Table
+from occ_constraints_pkg.bags.transforms import RowTransforms
 from occ_constraints_pkg.documents import did_you_mean
 from occ_constraints_pkg.errors import OccError
 
@@ -52,19 +54,24 @@ class FeatureExtractor:
     def __init__(self, feature_map: FeatureMap) -> None:
         self.feature_map = feature_map
         self._max_age_ns = round(feature_map.max_age * 1e9)
-        groups: dict[str, list[int]] = {topic_key(feature_map.pace): []}
-        for place, source in enumerate(feature_map.features):
-            groups.setdefault(topic_key(source.topic), []).append(place)
+        self._readings = feature_map.readings
+        groups: dict[str, list[int]] = {topic_key(topic): [] for topic in feature_map.topics}
+        for place, (_, reading) in enumerate(self._readings):
+            groups[topic_key(reading.topic)].append(place)
         self._pace = topic_key(feature_map.pace)
+        rate = feature_map.rate
+        self._clock = None if rate is None else _Clock(rate, self._max_age_ns)
         self._readers = {
-            key: _TopicReader(places, [feature_map.features[place] for place in places])
+            key: _TopicReader(places, [self._readings[place] for place in places])
             for key, places in groups.items()
         }
+        self._transforms = RowTransforms(feature_map)
         self._held: dict[str, _Held] = {}
+        self._episodes = np.empty(0)
         self._last: tuple[int | None, np.ndarray] = (None, np.empty((0, 0)))
 
     def push(self, topic: str, message: Any, receive_time_ns: int) -> FeatureRows | None:
-        """Take one message; return rows if it is of the pace topic.
+        """Take one message; return rows if it gives some, see :class:`FeatureMap`.
 
         Args:
             topic: the topic's name as in the feature map, with or without leading slash; a
@@ -77,37 +84,84 @@ class FeatureExtractor:
                 of two topics have different numbers of rows.
         """
         key = topic_key(topic)
-        reader = self._readers.get(key)
-        if reader is None:
+        if key not in self._readers:
             return None
-        stamp = header_stamp_ns(message)
-        if key != self._pace:
-            self._held[key] = _Held(message, stamp, receive_time_ns)
+        held = _Held(message, header_stamp_ns(message), receive_time_ns)
+        if key == self._pace:
+            held.read(self._readers[key])
+            return self._row(held, {key: held, **self._fresh(held, {key})})
+        self._held[key] = held
+        if self._clock is None or not self._clock.is_due(held.stamp, receive_time_ns):
             return None
-        values, table = reader.read(message)
-        if len(reader.places) < len(self.feature_map.features):
-            own, values = values, np.full((len(values), len(self.feature_map.features)), np.nan)
-            values[:, reader.places] = own
-            for other, held in self._held.items():
-                if held.age_ns(stamp, receive_time_ns) <= self._max_age_ns:
-                    self._fill(values, other, held)
-        last_stamp, last_values = self._last
-        repeat = stamp is not None and stamp == last_stamp
-        repeat = repeat and np.array_equal(values, last_values, equal_nan=True)
-        self._last = stamp, values
-        return FeatureRows(receive_time_ns if stamp is None else stamp, values, table, repeat)
+        return self._row(held, self._fresh(held, set()))
 
-    def _fill(self, values: np.ndarray, key: str, held: _Held) -> None:
-        """Put a held topic's features into ``values``, one row for all or row by row."""
-        reader = self._readers[key]
-        if held.values is None:
-            held.values, _ = reader.read(held.message)
-        if len(held.values) not in (1, len(values)):
-            raise OccError(
-                f'topic {key!r} holds {len(held.values)} rows and the pace topic '
-                f'{self._pace!r} {len(values)}; allowed are 1 or as many'
-            )
-        values[:, reader.places] = held.values
+    def _fresh(self, now: _Held, besides: set[str]) -> dict[str, _Held]:
+        """Return what is held of each topic and not too old at the message ``now``."""
+        return {
+            key: held
+            for key, held in self._held.items()
+            if key not in besides and held.age_ns(now.stamp, now.arrival) <= self._max_age_ns
+        }
+
+    def _row(self, now: _Held, parts: dict[str, _Held]) -> FeatureRows:
+        """Compute the features from the messages in ``parts``."""
+        for key, held in parts.items():
+            held.read(self._readers[key])
+        row_ns = now.arrival if now.stamp is None else now.stamp
+        count = max((len(held.values) for held in parts.values()), default=1)
+        if self._pace:
+            count = len(now.values)
+        read = np.full((count, len(self._readings)), np.nan)
+        stamps: list[int | None] = [None] * len(self._readings)
+        for key, held in parts.items():
+            if len(held.values) not in (1, count):
+                raise OccError(
+                    f'topic {key!r} holds {len(held.values)} rows and '
+                    + (f'the pace topic {self._pace!r}' if self._pace else 'another')
+                    + f' {count}; allowed are 1 or as many'
+                )
+            places = self._readers[key].places
+            read[:, places] = held.values
+            for place in places:
+                stamps[place] = held.stamp
+        table = now.table if self._pace else None
+        values = self._transforms.apply(read, stamps, row_ns, self._restarted(table))
+        last_stamp, last_values = self._last
+        repeat = now.stamp is not None and now.stamp == last_stamp
+        repeat = repeat and np.array_equal(values, last_values, equal_nan=True)
+        self._last = now.stamp, values
+        return FeatureRows(row_ns, values, table, repeat)
+
+    def _restarted(self, table: Table | None) -> np.ndarray | None:
+        """Tell which rows of a table are of another episode than before."""
+        if table is None or 'episode' not in table.names:
+            return None
+        episodes, self._episodes = self._episodes, table.column('episode').copy()
+        return None if len(episodes) != len(self._episodes) else episodes != self._episodes
+
+
+class _Clock:
+    """Says which messages give a row at a fixed rate: the first in each period."""
+
+    def __init__(self, rate: float, max_age_ns: int) -> None:
+        self._period_ns = max(round(1e9 / rate), 1)
+        self._max_age_ns = max_age_ns
+        self._has_stamps = False
+        self._last_ns: int | None = None
+
+    def is_due(self, stamp: int | None, arrival: int) -> bool:
+        if stamp is None and self._has_stamps:
+            return False
+        now = arrival if stamp is None else stamp
+        last, begins = self._last_ns, stamp is not None and not self._has_stamps
+        self._has_stamps = self._has_stamps or stamp is not None
+        # Stamps of different topics are not in order; only a larger step back is a clock set back.
+        was_set_back = last is not None and now < last - self._max_age_ns
+        due = last is None or begins or was_set_back
+        due = due or now // self._period_ns > last // self._period_ns
+        if due:
+            self._last_ns = now
+        return due
 
 
 class _Held:
@@ -116,9 +170,15 @@ class _Held:
     def __init__(self, message: Any, stamp: int | None, arrival: int) -> None:
         self.message, self.stamp, self.arrival = message, stamp, arrival
         self.values: np.ndarray | None = None
+        self.table: Table | None = None
+
+    def read(self, reader: _TopicReader) -> None:
+        """Set ``values``, and ``table`` for a table."""
+        if self.values is None:
+            self.values, self.table = reader.read(self.message)
 
     def age_ns(self, stamp: int | None, arrival: int) -> int:
-        """Return the distance to the pace message; one from the future is as far off as a past one.
+        """Return the distance to the message of the row; the future is as far as the past.
 
         That a clock has jumped back shows in nothing else.
         """
@@ -128,47 +188,46 @@ class _Held:
 
 
 class _TopicReader:
-    """Reads all features that one topic gives."""
+    """Reads all that is asked of one topic."""
 
-    def __init__(self, places: list[int], sources: list[FeatureSource]) -> None:
+    def __init__(self, places: list[int], readings: Sequence[tuple[str, Reading]]) -> None:
         self.places = places
-        self._sources = sources
-        self._fields = [FieldReader(source) for source in sources if source.column is None]
-        self._absolute = [i for i, source in enumerate(sources) if source.transform == 'abs']
+        self._columns = [item for item in readings if item[1].column is not None]
+        self._fields = MessageReader([item for item in readings if item[1].column is None])
+        self._is_table = bool(self._columns)
+        self._is_unread = not readings
         self._names: tuple[str, ...] | None = None
-        self._columns = np.empty(0, dtype=np.intp)
+        self._positions = np.empty(0, dtype=np.intp)
 
     def read(self, message: Any) -> tuple[np.ndarray, Table | None]:
-        """Return (rows, features of this topic) float64, and the message as table if it is one."""
-        if self._fields or not (self._sources or hasattr(message, 'point_step')):
-            return np.array([[field.read(message) for field in self._fields]]), None
-        if not hasattr(message, 'point_step'):
-            source = self._sources[0]
+        """Return (rows, readings of this topic) float64, and the message as table if it is one."""
+        has_points = hasattr(message, 'point_step')
+        if not self._is_table and not (self._is_unread and has_points):
+            return np.array([self._fields.read(message)]), None
+        if not has_points:
+            name, reading = self._columns[0]
             raise OccError(
-                f'feature {source.name!r} asks for column {source.column!r} of topic '
-                f'{source.topic!r}, whose messages are {type(message).__name__}; '
+                f'feature {name!r} asks for column {reading.column!r} of topic '
+                f'{reading.topic!r}, whose messages are {type(message).__name__}; '
                 'allowed is a table (sensor_msgs/msg/PointCloud2)'
             )
         table = Table.from_message(message)
         if table.names != self._names:
-            self._columns = np.array([self._find(table, s) for s in self._sources], dtype=np.intp)
+            self._positions = np.array([_find(table, *item) for item in self._columns], np.intp)
             self._names = table.names
-        values = table.values[:, self._columns].astype(np.float64, copy=False)
-        if self._absolute:
-            values[:, self._absolute] = np.abs(values[:, self._absolute])
-        return values, table
+        return table.values[:, self._positions].astype(np.float64, copy=False), table
 
-    @staticmethod
-    def _find(table: Table, source: FeatureSource) -> int:
-        try:
-            return table.names.index(source.column)
-        except ValueError:
-            hint = did_you_mean(source.column, table.names) or ';'
-            raise OccError(
-                f'feature {source.name!r} asks for column {source.column!r} of topic '
-                f'{source.topic!r}, which the table does not have{hint} '
-                f'its columns are {", ".join(table.names)}'
-            ) from None
+
+def _find(table: Table, name: str, reading: Reading) -> int:
+    try:
+        return table.names.index(reading.column)
+    except ValueError:
+        hint = did_you_mean(reading.column, table.names) or ';'
+        raise OccError(
+            f'feature {name!r} asks for column {reading.column!r} of topic '
+            f'{reading.topic!r}, which the table does not have{hint} '
+            f'its columns are {", ".join(table.names)}'
+        ) from None
 
 
 def header_stamp_ns(message: Any) -> int | None:
@@ -188,8 +247,8 @@ def extract(
     """Compute the features of recordings.
 
     Repeated pace messages are skipped. Where the pace is a table with a column ``episode``, each
-    robot's episodes are told apart; otherwise a recording is one episode. Only messages that can
-    influence a row are decoded.
+    robot's episodes are told apart; otherwise a recording is one episode. Where a topic sets the
+    pace, only messages that can influence a row are decoded.
 
     Args:
         paths: rosbag2 directories or files.
@@ -217,13 +276,13 @@ def extract(
     for recording, topics in zip(recordings, wanted, strict=True):
         part = _Part()
         extractor = FeatureExtractor(feature_map)
-        pace = topics[topic_key(feature_map.pace)]
+        pace = topics.get(topic_key(feature_map.pace))
         latest: dict[str, RawMessage] = {}
         for raw in recording.messages(topics.values()):
             done += 1
             if progress is not None:
                 progress(done, total)
-            if raw.topic != pace:
+            if pace is not None and raw.topic != pace:
                 latest[raw.topic] = raw
                 continue
             # Of the messages between two of the pace topic, only the last of a topic counts.
@@ -231,12 +290,13 @@ def extract(
                 extractor.push(held.topic, recording.decode(held), held.log_time_ns)
             latest.clear()
             rows = extractor.push(raw.topic, recording.decode(raw), raw.log_time_ns)
-            if not rows.repeat:
+            if rows is not None and not rows.repeat:
                 part.add(rows)
         if not part.values:
             raise OccError(
-                f'{recording.path} has no message on {pace!r}, which sets the pace; '
-                'allowed is one or more'
+                f'{recording.path} has no message on '
+                + (f'{pace!r}, which sets the pace' if pace else f'any of {", ".join(topics)}')
+                + '; allowed is one or more'
             )
         episodes += part.number_episodes(episodes, str(recording.path))
         parts.append(part)

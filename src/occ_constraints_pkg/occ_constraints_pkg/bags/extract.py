@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -47,6 +47,10 @@ class FeatureExtractor:
     The rows depend on nothing but the map and the sequence of calls to :meth:`push`, so a
     recording that is played in its own order yields what the live topics yielded.
 
+    Attributes:
+        feature_map: what is computed.
+        pace_key: the pace topic without leading slash; empty with a fixed rate.
+
     Args:
         feature_map: what to compute.
     """
@@ -58,7 +62,7 @@ class FeatureExtractor:
         groups: dict[str, list[int]] = {topic_key(topic): [] for topic in feature_map.topics}
         for place, (_, reading) in enumerate(self._readings):
             groups[topic_key(reading.topic)].append(place)
-        self._pace = topic_key(feature_map.pace)
+        self.pace_key = topic_key(feature_map.pace)
         rate = feature_map.rate
         self._clock = None if rate is None else _Clock(rate, self._max_age_ns)
         self._readers = {
@@ -67,6 +71,7 @@ class FeatureExtractor:
         }
         self._transforms = RowTransforms(feature_map)
         self._held: dict[str, _Held] = {}
+        self._now: _Held | None = None
         self._episodes = np.empty(0)
         self._last: tuple[int | None, np.ndarray] = (None, np.empty((0, 0)))
 
@@ -87,13 +92,26 @@ class FeatureExtractor:
         if key not in self._readers:
             return None
         held = _Held(message, header_stamp_ns(message), receive_time_ns)
-        if key == self._pace:
+        if key == self.pace_key:
             held.read(self._readers[key])
             return self._row(held, {key: held, **self._fresh(held, {key})})
         self._held[key] = held
         if self._clock is None or not self._clock.is_due(held.stamp, receive_time_ns):
             return None
         return self._row(held, self._fresh(held, set()))
+
+    def ages_s(self) -> dict[str, float | None]:
+        """Return how far each topic's value was from the last row, in s; None where none came.
+
+        Topics are those of the map; the one that sets the pace is not among them.
+        """
+        now = self._now
+        return {
+            topic: held.age_ns(now.stamp, now.arrival) * 1e-9 if now and held else None
+            for topic in self.feature_map.topics
+            if (key := topic_key(topic)) != self.pace_key
+            for held in (self._held.get(key),)
+        }
 
     def _fresh(self, now: _Held, besides: set[str]) -> dict[str, _Held]:
         """Return what is held of each topic and not too old at the message ``now``."""
@@ -105,11 +123,12 @@ class FeatureExtractor:
 
     def _row(self, now: _Held, parts: dict[str, _Held]) -> FeatureRows:
         """Compute the features from the messages in ``parts``."""
+        self._now = now
         for key, held in parts.items():
             held.read(self._readers[key])
         row_ns = now.arrival if now.stamp is None else now.stamp
         count = max((len(held.values) for held in parts.values()), default=1)
-        if self._pace:
+        if self.pace_key:
             count = len(now.values)
         read = np.full((count, len(self._readings)), np.nan)
         stamps: list[int | None] = [None] * len(self._readings)
@@ -117,14 +136,14 @@ class FeatureExtractor:
             if len(held.values) not in (1, count):
                 raise OccError(
                     f'topic {key!r} holds {len(held.values)} rows and '
-                    + (f'the pace topic {self._pace!r}' if self._pace else 'another')
+                    + (f'the pace topic {self.pace_key!r}' if self.pace_key else 'another')
                     + f' {count}; allowed are 1 or as many'
                 )
             places = self._readers[key].places
             read[:, places] = held.values
             for place in places:
                 stamps[place] = held.stamp
-        table = now.table if self._pace else None
+        table = now.table if self.pace_key else None
         values = self._transforms.apply(read, stamps, row_ns, self._restarted(table))
         last_stamp, last_values = self._last
         repeat = now.stamp is not None and now.stamp == last_stamp
@@ -275,24 +294,18 @@ def extract(
     done, parts, episodes = 0, [], 0
     for recording, topics in zip(recordings, wanted, strict=True):
         part = _Part()
-        extractor = FeatureExtractor(feature_map)
-        pace = topics.get(topic_key(feature_map.pace))
-        latest: dict[str, RawMessage] = {}
-        for raw in recording.messages(topics.values()):
+
+        def count() -> None:
+            nonlocal done
             done += 1
             if progress is not None:
                 progress(done, total)
-            if pace is not None and raw.topic != pace:
-                latest[raw.topic] = raw
-                continue
-            # Of the messages between two of the pace topic, only the last of a topic counts.
-            for held in latest.values():
-                extractor.push(held.topic, recording.decode(held), held.log_time_ns)
-            latest.clear()
-            rows = extractor.push(raw.topic, recording.decode(raw), raw.log_time_ns)
-            if rows is not None and not rows.repeat:
+
+        for rows in rows_of(recording, FeatureExtractor(feature_map), count):
+            if not rows.repeat:
                 part.add(rows)
         if not part.values:
+            pace = topics.get(topic_key(feature_map.pace))
             raise OccError(
                 f'{recording.path} has no message on '
                 + (f'{pace!r}, which sets the pace' if pace else f'any of {", ".join(topics)}')
@@ -310,6 +323,40 @@ def extract(
         sources=tuple(recording.fingerprint() for recording in recordings),
         warnings=tuple(text for recording in recordings for text in recording.warnings),
     )
+
+
+def rows_of(
+    recording: Recording,
+    extractor: FeatureExtractor,
+    tick: Callable[[], None] | None = None,
+) -> Iterator[FeatureRows]:
+    """Push a recording's messages into an extractor; yield all rows, repeats too.
+
+    Args:
+        recording: what to read.
+        extractor: a fresh one.
+        tick: called after each message of a needed topic.
+
+    Raises:
+        OccError: the recording cannot be read, or lacks a topic, field or column of the map.
+    """
+    feature_map = extractor.feature_map
+    topics = {topic_key(name): recording.find(topic_key(name)) for name in feature_map.topics}
+    pace = topics.get(topic_key(feature_map.pace))
+    latest: dict[str, RawMessage] = {}
+    for raw in recording.messages(topics.values()):
+        if tick is not None:
+            tick()
+        if pace is not None and raw.topic != pace:
+            latest[raw.topic] = raw
+            continue
+        # Of the messages between two of the pace topic, only the last of a topic counts.
+        for held in latest.values():
+            extractor.push(held.topic, recording.decode(held), held.log_time_ns)
+        latest.clear()
+        rows = extractor.push(raw.topic, recording.decode(raw), raw.log_time_ns)
+        if rows is not None:
+            yield rows
 
 
 class _Part:

@@ -17,7 +17,7 @@ from occ_constraints_pkg.errors import OccError
 REDUCTIONS = ('min', 'max', 'mean', 'norm')
 # What may follow a field after '|', besides the reductions; those with numbers stand in a list.
 PLAIN_STEPS = ('abs', 'yaw', 'rate')
-NUMBER_STEPS = ('scale', 'offset')
+NUMBER_STEPS = ('scale', 'offset', 'round')
 STEPS = (*PLAIN_STEPS, *NUMBER_STEPS, 'clip')
 FULL_CIRCLE = 360.0
 # Directions of four or eight sectors, counter-clockwise from straight ahead.
@@ -74,8 +74,9 @@ class FeatureSource:
         low: smallest physically possible value, ``-inf`` for none.
         high: largest physically possible value, ``inf`` for none.
         transform: steps, applied in order after ``minus``: ``('abs',)``, ``('rate',)`` (change
-            per second), ``('scale', factor)``, ``('offset', summand)``, ``('clip', low, high)``.
-            A name alone means one step; ``yaw`` is taken as what it is, a reduction.
+            per second), ``('scale', factor)``, ``('offset', summand)``, ``('clip', low, high)``,
+            ``('round', step)`` (to the nearest multiple of a resolution). A name alone means one
+            step; ``yaw`` is taken as what it is, a reduction.
         minus: the reading to subtract; None for none.
         family: features that measure the same in different places or directions; see
             :class:`~occ_constraints_pkg.rules.space.Feature`.
@@ -259,9 +260,15 @@ def _numbers(name: str, given: Any, where: str) -> tuple[float, ...]:
         if given is None:
             return ()
     elif name in NUMBER_STEPS:
-        allowed = 'a finite number' + (' other than 0' if name == 'scale' else '')
-        if _is_number(given) and np.isfinite(given) and (given or name == 'offset'):
-            return (float(given),)
+        allowed = {
+            'scale': 'a finite number other than 0',
+            'offset': 'a finite number',
+            'round': 'a finite number above 0',
+        }[name]
+        if _is_number(given) and np.isfinite(given):
+            fits = {'scale': given != 0, 'offset': True, 'round': given > 0}
+            if fits[name]:
+                return (float(given),)
     else:
         allowed = '[low, high], null for none, the smaller first'
         ends = given if isinstance(given, list) and len(given) == 2 else ['', '']

@@ -128,6 +128,9 @@ def _apply(steps: Sequence[Step], values: np.ndarray) -> np.ndarray:
             values = values * numbers[0]
         elif name == 'offset':
             values = values + numbers[0]
+        elif name == 'round':
+            # The sum makes 0 of -0, which would print as another bound.
+            values = np.rint(values / numbers[0]) * numbers[0] + 0.0
         else:
             # A reading of infinity is a fault, which a clip must not hide.
             values = np.where(np.isfinite(values), np.clip(values, *numbers), values)

@@ -374,7 +374,11 @@ def _inspect(
         item.seen, at = yields[at : at + size], at + size
         if not item.aside:
             item.aside = _flaw(item)
-        if size == 1 and not item.is_flag and item.kind != 'table':
+        if item.kind == 'Range':
+            _cap(item)
+        elif item.is_flag and item.seen[0].low >= 0.0:
+            item.entry['bounds'] = [0, None]
+        elif size == 1 and item.kind != 'table':
             _round(item)
 
 
@@ -393,6 +397,15 @@ def _flaw(item: Candidate) -> str:
     if seen.high - seen.low <= least:
         return f'constant at {seen.median:.3g}' + (f' within {least:g}' if least else '')
     return ''
+
+
+def _cap(item: Candidate) -> None:
+    """Make all that is further off than usual the same, so that no rule forbids open space."""
+    seen = item.seen[0]
+    cap = _nice_below((seen.median + seen.high) / 2.0)
+    if math.isfinite(seen.high) and 'bounds' in item.entry:
+        item.entry |= {'transform': [{'clip': [0, cap]}], 'bounds': [0, cap]}
+        item.remark += f', and more than {cap:g} m as {cap:g} m'
 
 
 def _round(item: Candidate) -> None:

@@ -41,6 +41,11 @@ class FieldReader:
                     slice(int(start) if start else None, int(stop) if stop else None)
                 )
 
+    @property
+    def path(self) -> tuple[str | int | slice, ...]:
+        """The steps from the message to the field."""
+        return tuple(self._steps)
+
     def read(self, message: Any) -> float:
         """Return the feature's value; NaN where the message holds an empty array.
 
@@ -62,7 +67,7 @@ class FieldReader:
             number = self._reduce(value, message)
         else:
             number = self._number(value)
-            if source.missing == 'max_range' and _unmeasured(number):
+            if source.missing == 'max_range' and unmeasured(number):
                 number = self._range_max(message)
         return abs(number) if source.transform == 'abs' else number
 
@@ -82,7 +87,7 @@ class FieldReader:
             if not (numbers > 0).any() and not np.isneginf(numbers).any():
                 # Not one beam returned or says "nothing in range" (+Inf): the scanner is blind.
                 return math.nan
-            numbers = np.where(_unmeasured(numbers), furthest, numbers)
+            numbers = np.where(unmeasured(numbers), furthest, numbers)
         return float(_REDUCTIONS[self._source.reduce](numbers))
 
     def _number(self, value: Any) -> float:
@@ -153,9 +158,17 @@ def field_names(message: Any) -> list[str]:
     return [name for name in names if not name.startswith('__')]
 
 
-def _unmeasured(value: Any) -> Any:
+def header_stamp_ns(message: Any) -> int | None:
+    """Return a message's header stamp in ns; None without a header or with the unset stamp 0."""
+    stamp = getattr(getattr(message, 'header', None), 'stamp', None)
+    if not (hasattr(stamp, 'sec') and hasattr(stamp, 'nanosec')):
+        return None
+    return stamp.sec * 1_000_000_000 + stamp.nanosec or None
+
+
+def unmeasured(value: Any) -> Any:
     """Tell where a scanner says that it saw nothing: +Inf and NaN of REP 117, 0 of real ones."""
-    return np.isnan(value) | (value == np.inf) | (value == 0.0)
+    return np.logical_not((value < np.inf) & (value != 0.0))
 
 
 def _kind(value: Any) -> str:

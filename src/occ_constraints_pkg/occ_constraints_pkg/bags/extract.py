@@ -11,11 +11,14 @@ from typing import Any
 
 import numpy as np
 
+from occ_constraints_pkg.bags.columns import BlockExtractor, RowBlock
 from occ_constraints_pkg.bags.dataset import Dataset
 from occ_constraints_pkg.bags.feature_map import FeatureMap, topic_key
-from occ_constraints_pkg.bags.fields import MessageReader
+from occ_constraints_pkg.bags.fields import MessageReader, header_stamp_ns
+from occ_constraints_pkg.bags.manifest import select
 from occ_constraints_pkg.bags.recording import RawMessage, Recording
 from occ_constraints_pkg.bags.sources import Reading
+from occ_constraints_pkg.bags.storage import Block
 from occ_constraints_pkg.bags.table import Table
 from occ_constraints_pkg.bags.transforms import RowTransforms
 from occ_constraints_pkg.documents import did_you_mean
@@ -249,37 +252,33 @@ def _find(table: Table, name: str, reading: Reading) -> int:
         ) from None
 
 
-def header_stamp_ns(message: Any) -> int | None:
-    """Return a message's header stamp in ns; None without a header or with the unset stamp 0."""
-    header = getattr(message, 'header', None)
-    if header is None:
-        return None
-    return header.stamp.sec * 1_000_000_000 + header.stamp.nanosec or None
-
-
 def extract(
     paths: Sequence[str | Path],
     feature_map: FeatureMap,
     *,
     progress: Callable[[int, int], None] | None = None,
+    provenance: bool = True,
 ) -> Dataset:
     """Compute the features of recordings.
 
-    Repeated pace messages are skipped. Where the pace is a table with a column ``episode``, each
-    robot's episodes are told apart; otherwise a recording is one episode. Where a topic sets the
-    pace, only messages that can influence a row are decoded.
+    Repeated pace messages are skipped. A recording is one episode; where the pace is a table with
+    a column ``episode``, each robot's episodes are told apart; and each stretch that a manifest
+    selects is an episode. Only messages that can influence a row are decoded, and of them only the
+    fields that the map asks for.
 
     Args:
-        paths: rosbag2 directories or files.
+        paths: rosbag2 directories, storage files, or manifests that list some.
         feature_map: what to compute.
-        progress: called after each message of a needed topic with their number so far, and the
-            number in all recordings.
+        progress: called with the number of messages of needed topics so far, and the number in
+            all recordings.
+        provenance: whether to fill in the sources, for whose hashes the files are read once more.
 
     Raises:
         OccError: no recordings; one cannot be read, lacks a topic, field or column of the map, or
-            has no message on the pace topic.
+            has no message on the pace topic in the parts to use.
     """
-    recordings = [Recording(path) for path in paths]
+    selections = select(paths)
+    recordings = [Recording(selection.path) for selection in selections]
     if not recordings:
         raise OccError('there are no recordings to extract features from; allowed are one or more')
     wanted = [
@@ -292,24 +291,24 @@ def extract(
         for topic in topics.values()
     )
     done, parts, episodes = 0, [], 0
-    for recording, topics in zip(recordings, wanted, strict=True):
+    for recording, topics, selection in zip(recordings, wanted, selections, strict=True):
         part = _Part()
-
-        def count() -> None:
-            nonlocal done
-            done += 1
+        if BlockExtractor.reads(recording, topics, feature_map):
+            blocks = BlockExtractor(recording, topics, feature_map)
+        else:
+            blocks = _MessageExtractor(recording, topics, feature_map)
+        for block in recording.blocks(list(topics.values())):
+            for rows in blocks.rows(block):
+                part.add(rows, selection.stretches(rows.times_ns - recording.start_ns))
+            done += len(block)
             if progress is not None:
                 progress(done, total)
-
-        for rows in rows_of(recording, FeatureExtractor(feature_map), count):
-            if not rows.repeat:
-                part.add(rows)
         if not part.values:
             pace = topics.get(topic_key(feature_map.pace))
             raise OccError(
                 f'{recording.path} has no message on '
                 + (f'{pace!r}, which sets the pace' if pace else f'any of {", ".join(topics)}')
-                + '; allowed is one or more'
+                + f'{part.where}; allowed is one or more'
             )
         episodes += part.number_episodes(episodes, str(recording.path))
         parts.append(part)
@@ -320,7 +319,11 @@ def extract(
         stamps_ns=np.concatenate([stamps for part in parts for stamps in part.stamps]),
         episodes=np.concatenate([part.episodes for part in parts]),
         true_cost=np.concatenate(costs) if any(part.has_cost for part in parts) else None,
-        sources=tuple(recording.fingerprint() for recording in recordings),
+        sources=tuple(
+            recording.fingerprint() | selection.to_document()
+            for recording, selection in zip(recordings, selections, strict=True)
+            if provenance
+        ),
         warnings=tuple(text for recording in recordings for text in recording.warnings),
     )
 
@@ -340,23 +343,61 @@ def rows_of(
     Raises:
         OccError: the recording cannot be read, or lacks a topic, field or column of the map.
     """
-    feature_map = extractor.feature_map
-    topics = {topic_key(name): recording.find(topic_key(name)) for name in feature_map.topics}
-    pace = topics.get(topic_key(feature_map.pace))
-    latest: dict[str, RawMessage] = {}
-    for raw in recording.messages(topics.values()):
+    pusher = _Pusher(recording, extractor)
+    topics = [recording.find(topic_key(name)) for name in extractor.feature_map.topics]
+    for raw in recording.messages(topics):
         if tick is not None:
             tick()
-        if pace is not None and raw.topic != pace:
-            latest[raw.topic] = raw
-            continue
-        # Of the messages between two of the pace topic, only the last of a topic counts.
-        for held in latest.values():
-            extractor.push(held.topic, recording.decode(held), held.log_time_ns)
-        latest.clear()
-        rows = extractor.push(raw.topic, recording.decode(raw), raw.log_time_ns)
+        rows = pusher.push(raw)
         if rows is not None:
             yield rows
+
+
+class _Pusher:
+    """Pushes recorded messages, but decodes only those that can influence a row."""
+
+    def __init__(self, recording: Recording, extractor: FeatureExtractor) -> None:
+        self._recording, self._extractor = recording, extractor
+        self._latest: dict[str, RawMessage] = {}
+
+    def push(self, raw: RawMessage) -> FeatureRows | None:
+        pace = self._extractor.pace_key
+        if pace and topic_key(raw.topic) != pace:
+            # Of the messages between two of the pace topic, only the last of a topic counts.
+            self._latest[raw.topic] = raw
+            return None
+        for held in self._latest.values():
+            self._decode(held)
+        self._latest.clear()
+        return self._decode(raw)
+
+    def _decode(self, raw: RawMessage) -> FeatureRows | None:
+        return self._extractor.push(raw.topic, self._recording.decode(raw), raw.log_time_ns)
+
+
+class _MessageExtractor:
+    """Computes rows message by message, in the way of live topics; for tables and fixed rates."""
+
+    def __init__(
+        self, recording: Recording, topics: dict[str, str], feature_map: FeatureMap
+    ) -> None:
+        self._recording = recording
+        self._names = list(topics.values())
+        self._pusher = _Pusher(recording, FeatureExtractor(feature_map))
+
+    def rows(self, block: Block) -> Iterator[RowBlock]:
+        """Yield the rows that each message gives."""
+        for row, number in enumerate(block.topics.tolist()):
+            raw = self._recording.raw(block, row, self._names[number])
+            rows = self._pusher.push(raw)
+            if rows is not None and not rows.repeat:
+                count = len(rows.values)
+                yield RowBlock(
+                    rows.values,
+                    np.full(count, rows.stamp_ns, dtype=np.int64),
+                    np.full(count, raw.log_time_ns, dtype=np.int64),
+                    rows.table,
+                )
 
 
 class _Part:
@@ -368,26 +409,27 @@ class _Part:
         self.costs: list[np.ndarray] = []
         self.episodes = np.empty(0, dtype=np.int64)
         self.has_cost = False
-        self._robots: list[np.ndarray] = []
-        self._numbers: list[np.ndarray] = []
+        self.where = ''
+        self._episodes: list[np.ndarray] = []
 
-    def add(self, rows: FeatureRows) -> None:
+    def add(self, rows: RowBlock, stretches: np.ndarray) -> None:
+        """Add those rows that lie in a stretch to use."""
         count = len(rows.values)
         columns = () if rows.table is None else rows.table.names
-        self.values.append(rows.values)
-        self.stamps.append(np.full(count, rows.stamp_ns, dtype=np.int64))
-        if 'true_cost' in columns:
-            self.has_cost = True
-            self.costs.append(rows.table.column('true_cost').astype(np.float64))
-        else:
-            self.costs.append(np.full(count, np.nan))
-        robots = np.arange(count)
-        if 'episode' in columns:
-            self._robots.append(robots)
-            self._numbers.append(rows.table.column('episode').astype(np.float64))
-        else:
-            self._robots.append(np.zeros_like(robots))
-            self._numbers.append(np.zeros(count))
+        has_cost, has_episodes = 'true_cost' in columns, 'episode' in columns
+        nothing = np.zeros(count)
+        robots = np.arange(count) if has_episodes else nothing
+        numbers = rows.table.column('episode').astype(np.float64) if has_episodes else nothing
+        cost = rows.table.column('true_cost') if has_cost else np.full(count, np.nan)
+        used = stretches >= 0
+        if not used.any():
+            self.where = ', in the intervals to use' if count else self.where
+            return
+        self.has_cost = self.has_cost or has_cost
+        self.values.append(rows.values[used])
+        self.stamps.append(rows.stamps_ns[used])
+        self.costs.append(cost[used].astype(np.float64))
+        self._episodes.append(np.stack([robots, numbers, stretches], axis=1)[used])
 
     def number_episodes(self, first: int, where: str) -> int:
         """Number the episodes from ``first`` on; return how many there are.
@@ -395,10 +437,15 @@ class _Part:
         Raises:
             OccError: the column ``episode`` holds something that is not finite.
         """
-        numbers = np.concatenate(self._numbers)
-        if not np.isfinite(numbers).all():
+        triples = np.concatenate(self._episodes)
+        if not np.isfinite(triples).all():
             raise OccError(f"{where} has values that are not finite in the column 'episode'")
-        pairs = np.stack([np.concatenate(self._robots), numbers], axis=1)
-        unique, inverse = np.unique(pairs, axis=0, return_inverse=True)
+        # Sorting rows takes longer than reading them, and mostly there is little to sort by.
+        varying = (triples != triples[0]).any(axis=0)
+        if varying.sum() < 2:
+            keys, axis = triples[:, varying.argmax()], None
+        else:
+            keys, axis = triples, 0
+        unique, inverse = np.unique(keys, axis=axis, return_inverse=True)
         self.episodes = inverse.reshape(-1).astype(np.int64) + first
         return len(unique)

@@ -17,16 +17,21 @@ from occ_constraints_pkg.errors import OccError
 
 _STEP = re.compile(r'\.?([A-Za-z_]\w*)|\[(-?\d+)\]|\[(-?\d*):(-?\d*)\]')
 
-_REDUCTIONS: dict[str, Callable[[np.ndarray], float]] = {
+REDUCTIONS: dict[str, Callable[[np.ndarray], float]] = {
     'min': np.min,
     'max': np.max,
     'mean': np.mean,
     'norm': np.linalg.norm,
 }
+# What LaserScan and Range call their greatest range, and LaserScan its angles.
+GREATEST = ('range_max', 'max_range')
+GEOMETRY = ('angle_min', 'angle_increment')
 # Sectors are compared in whole ten-thousandths of a degree: finer than the single-precision angles
 # of a scan, and exact, so that no beam is lost or counted twice between two sectors.
 _PER_DEGREE = 10_000
 _CIRCLE = 360 * _PER_DEGREE
+# In degrees; a scan with beams beyond has no angles that make sense.
+_FURTHEST = 36_000
 
 
 class MessageReader:
@@ -40,10 +45,10 @@ class MessageReader:
 
     def __init__(self, readings: Sequence[tuple[str, Reading]]) -> None:
         self._count = len(readings)
-        self._single: list[tuple[int, _Field]] = []
-        arrays: dict[tuple[str | None, str], list[tuple[int, _Field]]] = {}
+        self._single: list[tuple[int, FieldReader]] = []
+        arrays: dict[tuple[str | None, str], list[tuple[int, FieldReader]]] = {}
         for place, (name, reading) in enumerate(readings):
-            field = _Field(name, reading)
+            field = FieldReader(name, reading)
             if reading.reduce in (None, 'yaw'):
                 self._single.append((place, field))
             else:
@@ -64,8 +69,13 @@ class MessageReader:
         return numbers
 
 
-class _Field:
-    """One reading's field of a message, and the errors that speak of it."""
+class FieldReader:
+    """One reading's field of a message, and the errors that speak of it.
+
+    Args:
+        name: the feature's, for errors.
+        reading: what to read; it has a field.
+    """
 
     def __init__(self, name: str, reading: Reading) -> None:
         self._name, self.reading = name, reading
@@ -79,6 +89,11 @@ class _Field:
                 self._steps.append(
                     slice(int(start) if start else None, int(stop) if stop else None)
                 )
+
+    @property
+    def path(self) -> tuple[str | int | slice, ...]:
+        """The steps from the message to the field."""
+        return tuple(self._steps)
 
     def value(self, message: Any) -> Any:
         """Follow the path."""
@@ -103,7 +118,7 @@ class _Field:
             number = float(value)
         except (TypeError, ValueError):
             raise self._wrong(value, 'one number') from None
-        if self.reading.missing != 'unknown' and _unmeasured(number):
+        if self.reading.missing != 'unknown' and unmeasured(number):
             return self.greatest(message) if self.reading.missing == 'max_range' else math.nan
         return number
 
@@ -122,7 +137,7 @@ class _Field:
 
     def greatest(self, message: Any) -> float:
         """Return the greatest range of a LaserScan or a Range message."""
-        for name in ('range_max', 'max_range'):
+        for name in GREATEST:
             if hasattr(message, name):
                 return float(getattr(message, name))
         raise OccError(
@@ -140,8 +155,24 @@ class _Field:
                 f"{_kind(message)} has no fields 'angle_min' and 'angle_increment'"
             ) from None
 
-    def beams(self, angles: np.ndarray) -> np.ndarray:
-        """Return the positions of the beams at ``angles`` (see _PER_DEGREE) in the sector."""
+    def beams(self, first: float, step: float, count: int) -> np.ndarray:
+        """Return the positions of the beams in the reading's sector.
+
+        Args:
+            first: angle of the first beam, in rad.
+            step: angle between beams.
+            count: number of beams.
+
+        Raises:
+            OccError: there is none.
+        """
+        angles = np.degrees(first + step * np.arange(count)) * _PER_DEGREE
+        if not (np.abs(angles) <= _FURTHEST * _PER_DEGREE).all():
+            raise OccError(
+                f'topic {self.reading.topic!r} has a scan of {count} beams with angle_min '
+                f'{first:g} and angle_increment {step:g}; allowed are beams within some turns'
+            )
+        angles = np.rint(angles).astype(np.int64)
         low, high = (round(angle * _PER_DEGREE) for angle in self.reading.degrees)
         inside = np.flatnonzero((angles - low) % _CIRCLE < high - low)
         if not len(inside):
@@ -214,7 +245,7 @@ class _Sectors(NamedTuple):
 class _Array:
     """Several reductions of one array, with one meaning of what was not measured."""
 
-    def __init__(self, members: list[tuple[int, _Field]]) -> None:
+    def __init__(self, members: list[tuple[int, FieldReader]]) -> None:
         self._field = members[0][1]
         self._missing = self._field.reading.missing
         self._plain = [item for item in members if item[1].reading.degrees is None]
@@ -222,7 +253,7 @@ class _Array:
         # Of the scan that came last: scans keep their geometry, as a rule.
         self._geometry: tuple[float, float, int] | None = None
         self._extremes: dict[str, _Sectors] = {}
-        self._others: list[tuple[int, _Field, np.ndarray]] = []
+        self._others: list[tuple[int, FieldReader, np.ndarray]] = []
 
     def read(self, message: Any, numbers: list[float]) -> None:
         """Put the reductions into ``numbers``; what is missing stays NaN there."""
@@ -231,7 +262,7 @@ class _Array:
             return
         measured = None
         if self._missing != 'unknown':
-            missing = _unmeasured(values)
+            missing = unmeasured(values)
             if self._missing == 'drop':
                 measured = ~missing
             else:
@@ -243,7 +274,7 @@ class _Array:
         for place, field in self._plain:
             kept = values if measured is None else values[measured]
             if kept.size:
-                numbers[place] = float(_REDUCTIONS[field.reading.reduce](kept))
+                numbers[place] = float(REDUCTIONS[field.reading.reduce](kept))
         if not self._sectored:
             return
         geometry = (*self._field.geometry(message), len(values))
@@ -260,29 +291,21 @@ class _Array:
         for place, field, beams in self._others:
             kept = values[beams] if measured is None else values[beams][measured[beams]]
             if kept.size:
-                numbers[place] = float(_REDUCTIONS[field.reading.reduce](kept))
+                numbers[place] = float(REDUCTIONS[field.reading.reduce](kept))
 
     def _lay_out(self, geometry: tuple[float, float, int]) -> None:
         """Find out which beams lie in which sector."""
-        first, step, count = geometry
-        angles = np.degrees(first + step * np.arange(count)) * _PER_DEGREE
-        if not np.isfinite(angles).all():
-            raise OccError(
-                f'topic {self._field.reading.topic!r} has a scan with angle_min {first} and '
-                f'angle_increment {step}; allowed are finite numbers'
-            )
-        angles = np.rint(angles).astype(np.int64)
         self._extremes, self._others = {}, []
         for reduce in ('min', 'max'):
             members = [item for item in self._sectored if item[1].reading.reduce == reduce]
             if members:
-                beams = [field.beams(angles) for _, field in members]
+                beams = [field.beams(*geometry) for _, field in members]
                 starts = np.cumsum([0, *(len(item) for item in beams[:-1])])
                 self._extremes[reduce] = _Sectors(
                     [place for place, _ in members], np.concatenate(beams), starts
                 )
         self._others = [
-            (place, field, field.beams(angles))
+            (place, field, field.beams(*geometry))
             for place, field in self._sectored
             if field.reading.reduce not in self._extremes
         ]
@@ -297,9 +320,17 @@ def field_names(message: Any) -> list[str]:
     return [name for name in names if not name.startswith('__')]
 
 
-def _unmeasured(value: Any) -> Any:
+def header_stamp_ns(message: Any) -> int | None:
+    """Return a message's header stamp in ns; None without a header or with the unset stamp 0."""
+    stamp = getattr(getattr(message, 'header', None), 'stamp', None)
+    if not (hasattr(stamp, 'sec') and hasattr(stamp, 'nanosec')):
+        return None
+    return stamp.sec * 1_000_000_000 + stamp.nanosec or None
+
+
+def unmeasured(value: Any) -> Any:
     """Tell where a scanner says that it saw nothing: +Inf and NaN of REP 117, 0 of real ones."""
-    return np.isnan(value) | (value == np.inf) | (value == 0.0)
+    return np.logical_not((value < np.inf) & (value != 0.0))
 
 
 def _kind(value: Any) -> str:

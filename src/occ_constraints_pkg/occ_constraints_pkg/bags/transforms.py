@@ -49,6 +49,11 @@ class RowTransforms:
                     (place, item.transform[:at], rate, item.transform[at + 1 :], read)
                 )
 
+    @property
+    def has_memory(self) -> bool:
+        """Whether a row depends on the row before."""
+        return any(rate is not None for _, _, rate, _, _ in self._steps)
+
     def apply(
         self,
         read: np.ndarray,

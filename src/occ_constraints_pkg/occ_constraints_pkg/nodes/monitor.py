@@ -15,8 +15,9 @@ from std_msgs.msg import Float64, String
 from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import MarkerArray
 
-from occ_constraints_pkg.bags.extract import FeatureExtractor, FeatureRows, header_stamp_ns
+from occ_constraints_pkg.bags.extract import FeatureExtractor, FeatureRows
 from occ_constraints_pkg.bags.feature_map import map_of
+from occ_constraints_pkg.bags.fields import header_stamp_ns
 from occ_constraints_pkg.bags.table import Table
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.learning.pruning import prune

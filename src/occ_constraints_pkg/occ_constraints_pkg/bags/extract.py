@@ -103,14 +103,14 @@ class FeatureExtractor:
             return None
         return self._row(held, self._fresh(held, set()))
 
-    def ages_s(self) -> dict[str, float | None]:
-        """Return how far each topic's value was from the last row, in s; None where none came.
+    def ages_ns(self) -> dict[str, int | None]:
+        """Return how far each topic's value was from the last row, in ns; None where none came.
 
         Topics are those of the map; the one that sets the pace is not among them.
         """
         now = self._now
         return {
-            topic: held.age_ns(now.stamp, now.arrival) * 1e-9 if now and held else None
+            topic: held.age_ns(now.stamp, now.arrival) if now and held else None
             for topic in self.feature_map.topics
             if (key := topic_key(topic)) != self.pace_key
             for held in (self._held.get(key),)

@@ -90,15 +90,16 @@ class FeatureSource:
     low: float = -np.inf
     high: float = np.inf
     reduce: str | None = None
-    transform: tuple[Step, ...] | str | None = ()
+    transform: tuple[Step | str, ...] | str | None = ()
     missing: str = 'unknown'
     family: str = ''
     degrees: tuple[float, float] | None = None
     minus: Reading | None = None
 
     def __post_init__(self) -> None:
-        steps = self.transform or ()
-        steps = ((steps,),) if isinstance(steps, str) else tuple(steps)
+        given = self.transform or ()
+        given = (given,) if isinstance(given, str) else given
+        steps = tuple((step,) if isinstance(step, str) else step for step in given)
         if steps and steps[0] == ('yaw',) and self.reduce is None:
             object.__setattr__(self, 'reduce', 'yaw')
             steps = steps[1:]

@@ -189,7 +189,7 @@ def _laser_scan(topic: TopicSurvey) -> Iterator[Candidate]:
     count = max(min(_SECTORS, scan.least_beams // 2), 2)
     cap = _nice_below(min(scan.range_max, float(np.percentile(scan.openness, 10))))
     entry: dict[str, Any] = {'name': 'clearance', 'topic': topic.key, 'field': 'ranges'}
-    if scan.last - scan.first < _ALL_AROUND:
+    if scan.last - scan.first + scan.step < _ALL_AROUND:
         # A little more on both sides, for the last beam is not to fall out of the last sector.
         entry['degrees'] = [math.floor(scan.first - 0.5), math.ceil(scan.last + 0.5)]
     entry |= {
@@ -452,6 +452,11 @@ def _warnings(
         if not topic.is_stamped:
             what = 'it sets the pace all the same' if topic is pace else 'its age goes by arrival'
             yield f'the messages of {name} have no time stamp; {what}'
+        if 'map' in topic.frames and hasattr(topic.sample, 'pose'):
+            yield (
+                f'the poses of {name} are in the frame map, which jumps when the robot finds out '
+                'better where it is; they are not used'
+            )
         below = 0.0 if topic.scan is None else topic.scan.counts[3] / topic.scan.counts[4]
         if below > 0.0:
             yield (

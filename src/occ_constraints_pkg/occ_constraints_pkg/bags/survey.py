@@ -37,6 +37,7 @@ class ScanShape:
         least_beams: fewest beams.
         first: smallest angle of any beam, in degrees.
         last: largest angle of any beam.
+        step: largest angle between neighbouring beams.
         range_max: largest greatest range, in m.
         counts: of all ranges, how many are zero, infinite, NaN, positive but below the scan's
             smallest range, and any of these or not.
@@ -47,6 +48,7 @@ class ScanShape:
     least_beams: int
     first: float
     last: float
+    step: float
     range_max: float
     counts: np.ndarray
     openness: list[float] = field(default_factory=list)
@@ -185,9 +187,10 @@ def _look_at_scan(topic: TopicSurvey, message: Any) -> None:
     )
     shape = topic.scan
     if shape is None:
-        shape = topic.scan = ScanShape(count, math.inf, -math.inf, 0.0, np.zeros(5))
+        shape = topic.scan = ScanShape(count, math.inf, -math.inf, 0.0, 0.0, np.zeros(5))
     shape.least_beams = min(shape.least_beams, count)
     shape.first, shape.last = min(shape.first, *ends), max(shape.last, *ends)
+    shape.step = max(shape.step, abs(math.degrees(message.angle_increment)))
     shape.range_max = max(shape.range_max, float(message.range_max))
     seen = [ranges == 0.0, np.isinf(ranges), np.isnan(ranges)]
     seen += [(ranges > 0.0) & (ranges < message.range_min), np.ones(count, dtype=bool)]

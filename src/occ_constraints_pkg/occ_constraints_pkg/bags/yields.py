@@ -122,8 +122,8 @@ def inspect(
             continue
         values.append(rows.values)
         stamps.append(np.full(len(rows.values), rows.stamp_ns, dtype=np.int64))
-        age = extractor.ages_s()
-        row = [np.nan if age[topic] is None else age[topic] for topic in topics]
+        age = extractor.ages_ns()
+        row = [np.nan if age[topic] is None else float(age[topic]) for topic in topics]
         ages.append(np.broadcast_to(row, (len(rows.values), len(topics))))
     if not values:
         raise OccError(
@@ -140,7 +140,7 @@ def inspect(
         usable=float(usable.mean()),
         clock_jumps=int(np.count_nonzero(np.diff(when) < 0)),
         features=tuple(
-            _yield(source, table[:, place], when, age, feature_map.max_age)
+            _yield(source, table[:, place], when, age, round(feature_map.max_age * 1e9))
             for place, source in enumerate(feature_map.features)
         ),
         warnings=recording.warnings,
@@ -151,8 +151,8 @@ def _yield(
     source: FeatureSource,
     values: np.ndarray,
     stamps_ns: np.ndarray,
-    ages: dict[str, np.ndarray],
-    max_age: float,
+    ages_ns: dict[str, np.ndarray],
+    max_age_ns: int,
 ) -> FeatureYield:
     missing = ~np.isfinite(values)
     outside = ~missing & ((values < source.low) | (values > source.high))
@@ -160,15 +160,15 @@ def _yield(
     low, median, high = np.percentile(good, [0, 50, 100]) if good.size else [np.nan] * 3
     readings = [source.reading, *filter(None, [source.minus])]
     stale = np.zeros(len(values), dtype=bool)
-    for key in {topic_key(reading.topic) for reading in readings} & ages.keys():
-        stale |= ~(ages[key] <= max_age)
+    for key in {topic_key(reading.topic) for reading in readings} & ages_ns.keys():
+        stale |= ~(ages_ns[key] <= max_age_ns)
     problem = ''
     bad = np.flatnonzero(missing | outside)
     if bad.size:
         row = bad[0]
         problem = f'{(stamps_ns[row] - stamps_ns[0]) * 1e-9:.2f} s: '
-        now = {key: float(age[row]) for key, age in ages.items()}
-        problem += _reason(source, float(values[row]), now, max_age)
+        ages = {key: float(age[row]) for key, age in ages_ns.items()}
+        problem += _reason(source, float(values[row]), ages, max_age_ns)
     return FeatureYield(
         source=source,
         low=float(low),
@@ -184,16 +184,19 @@ def _yield(
     )
 
 
-def _reason(source: FeatureSource, value: float, ages: dict[str, float], max_age: float) -> str:
+def _reason(source: FeatureSource, value: float, ages_ns: dict[str, float], max_age_ns: int) -> str:
     """Say in words why a value cannot be judged."""
     if np.isfinite(value):
         return f'{value:g} is outside the bounds [{source.low:g}, {source.high:g}]'
     for reading in filter(None, (source.reading, source.minus)):
-        age = ages.get(topic_key(reading.topic), 0.0)
+        age = ages_ns.get(topic_key(reading.topic), 0.0)
         if np.isnan(age):
             return f'no message on {reading.topic} yet'
-        if age > max_age:
-            return f'the value of {reading.topic} is {age:.2f} s old, more than {max_age:g} s'
+        if age > max_age_ns:
+            return (
+                f'the value of {reading.topic} is {age * 1e-9:.2f} s old, more than '
+                f'{max_age_ns * 1e-9:g} s'
+            )
     if np.isinf(value):
         return f'the value is {value:g}'
     if any(step[0] == 'rate' for step in source.transform):

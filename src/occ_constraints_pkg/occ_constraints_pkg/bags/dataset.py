@@ -64,9 +64,7 @@ class Dataset:
         """Return the rows of a (n,) bool mask, or of an array of row numbers."""
         columns = ('values', 'stamps_ns', 'episodes', 'true_cost', 'times_ns', 'recordings')
         chosen = {name: getattr(self, name) for name in columns}
-        return replace(
-            self, **{name: None if c is None else c[rows] for name, c in chosen.items()}
-        )
+        return replace(self, **{name: None if c is None else c[rows] for name, c in chosen.items()})
 
     def split_episodes(self, rng: np.random.Generator, share: float) -> tuple[Dataset, Dataset]:
         """Split at random into two parts that share no episode.

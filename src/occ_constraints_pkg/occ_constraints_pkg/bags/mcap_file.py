@@ -137,25 +137,21 @@ class McapFile:
             if segment.length > MAX_PIECE_BYTES:
                 raise ValueError(f'it has {segment.length} bytes; allowed are {MAX_PIECE_BYTES}')
             file.seek(segment.first)
-            data = file.read(segment.length)
+            data, index = file.read(segment.length), b''
             if segment.chunk:
                 data = _unpack_chunk(data, cut=cut)
-            return self._messages(data, cut=cut)
+                index = file.read(segment.index_length)
+            return self._messages(data, index, cut=cut)
         except _DAMAGE as error:
             raise self._damage(segment, error or type(error).__name__) from error
 
-    def _messages(self, data: bytes, *, cut: bool) -> Block:
+    def _messages(self, data: bytes | memoryview, index: bytes, *, cut: bool) -> Block:
         """Find the messages among the records of a chunk or run; learn channels on the way."""
-        edges = _record_edges(data)
-        if edges[-1] > len(data):
-            if not cut:
-                raise ValueError(f'a record reaches {edges[-1] - len(data)} bytes past its end')
-            edges.pop()
-        begins, ends = np.array(edges[:-1], dtype=np.int64), np.array(edges[1:], dtype=np.int64)
+        begins, ends = _indexed(data, index) or _walked(data, cut=cut)
         opcodes = np.frombuffer(data, dtype=np.uint8)[begins]
         for row in np.flatnonzero((opcodes == Opcode.SCHEMA) | (opcodes == Opcode.CHANNEL)):
             body = data[begins[row] + _HEAD.size : ends[row]]
-            self._learn(opcodes[row], body)
+            self._learn(opcodes[row], bytes(body))
         rows = np.flatnonzero(opcodes == Opcode.MESSAGE)
         bodies, ends = begins[rows] + _HEAD.size, ends[rows]
         if (ends - bodies < _MESSAGE_SIZE).any():
@@ -164,7 +160,7 @@ class McapFile:
         times = _numbers(data, bodies + 6, '<u8').astype(np.int64)
         if (times < 0).any():
             raise ValueError('a message has a time above 2^63 - 1 ns')
-        unknown = set(np.unique(channels).tolist()) - self._channels.keys()
+        unknown = set(np.flatnonzero(np.bincount(channels)).tolist()) - self._channels.keys()
         if unknown:
             raise ValueError(f'a message belongs to the unknown channel {min(unknown)}')
         block = Block(data, channels, times, bodies + _MESSAGE_SIZE, ends)
@@ -229,6 +225,7 @@ class McapFile:
                 chunk.chunk_length,
                 chunk=True,
                 channels=frozenset(chunk.message_index_offsets) or None,
+                index_length=min(chunk.message_index_length, MAX_PIECE_BYTES),
             )
             for chunk in chunks
         )
@@ -302,10 +299,10 @@ def _chunks_hold_all(file: BinaryIO, chunks: list[records.ChunkIndex], end: int)
         end: where the summary begins.
     """
     position = len(MAGIC)
-    for until, following in [
-        *((item.chunk_start_offset, item.chunk_length + item.message_index_length) for item in chunks),
-        (end, 0),
-    ]:
+    indexed = [
+        (item.chunk_start_offset, item.chunk_length + item.message_index_length) for item in chunks
+    ]
+    for until, following in (*indexed, (end, 0)):
         while position < until:
             file.seek(position)
             head = file.read(_HEAD.size)
@@ -319,8 +316,8 @@ def _chunks_hold_all(file: BinaryIO, chunks: list[records.ChunkIndex], end: int)
     return True
 
 
-def _record_edges(data: bytes) -> list[int]:
-    """Return where each record begins, and last where the one after them would."""
+def _walked(data: bytes | memoryview, *, cut: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Return where each record begins and ends, by going from one to the next."""
     edges, position, last = [0], 0, len(data) - _HEAD.size
     note, length_at = edges.append, _LENGTH.unpack_from
     while position <= last:
@@ -329,10 +326,39 @@ def _record_edges(data: bytes) -> list[int]:
     if position < len(data):
         # What is left is not even the head of a record.
         note(position + _HEAD.size)
-    return edges
+    if edges[-1] > len(data):
+        if not cut:
+            raise ValueError(f'a record reaches {edges[-1] - len(data)} bytes past its end')
+        edges.pop()
+    return np.array(edges[:-1], dtype=np.int64), np.array(edges[1:], dtype=np.int64)
 
 
-def _numbers(data: bytes, places: np.ndarray, kind: str) -> np.ndarray:
+def _indexed(data: bytes | memoryview, index: bytes) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return what :func:`_walked` does, from the index behind a chunk.
+
+    None where the index does not account for every byte of the chunk, as it never does where
+    schemas and channels lie between messages.
+    """
+    offsets = []
+    try:
+        for opcode, body in _records(index):
+            if opcode == Opcode.MESSAGE_INDEX:
+                # The channel (2 bytes), the length of the list (4), then times and offsets.
+                offsets.append(np.frombuffer(body, '<i8', offset=6)[1::2])
+    except _DAMAGE:
+        return None
+    if not offsets:
+        return None
+    begins = np.sort(np.concatenate(offsets))
+    if not len(begins) or begins[0] != 0 or begins[-1] > len(data) - _HEAD.size:
+        return None
+    ends = begins + _HEAD.size + _numbers(data, begins + 1, '<i8')
+    if ends[-1] != len(data) or (ends[:-1] != begins[1:]).any():
+        return None
+    return begins, ends
+
+
+def _numbers(data: bytes | memoryview, places: np.ndarray, kind: str) -> np.ndarray:
     """Return the numbers at any places of the bytes."""
     dtype = np.dtype(kind)
     count = len(data) - dtype.itemsize + 1
@@ -341,7 +367,7 @@ def _numbers(data: bytes, places: np.ndarray, kind: str) -> np.ndarray:
     return np.ndarray((count,), dtype, data, strides=(1,))[places]
 
 
-def _unpack_chunk(record: bytes, *, cut: bool) -> bytes:
+def _unpack_chunk(record: bytes, *, cut: bool) -> bytes | memoryview:
     """Return the records within a chunk record; of a cut one, as much as can be unpacked."""
     body = _HEAD.size
     opcode, length = _HEAD.unpack_from(record)
@@ -365,10 +391,12 @@ def _unpack_chunk(record: bytes, *, cut: bool) -> bytes:
     return data
 
 
-def _decompress(stored: memoryview, compression: str, size: int, *, cut: bool) -> bytes:
+def _decompress(
+    stored: memoryview, compression: str, size: int, *, cut: bool
+) -> bytes | memoryview:
     match compression:
         case '':
-            return bytes(stored)
+            return stored
         case 'zstd':
             return unpack_zstd(stored, size, cut=cut)
         case 'lz4':

@@ -7,9 +7,9 @@ from __future__ import annotations
 import hashlib
 import re
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cache, cached_property, partial
+from functools import cache, cached_property, lru_cache, partial
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -40,6 +40,8 @@ from occ_constraints_pkg.documents import did_you_mean, parse_yaml, read_text
 from occ_constraints_pkg.errors import OccError
 
 _SUFFIXES = ('.mcap', '.db3')
+# The generated code of a definition that lacks a part fails on a plain lookup.
+_WRONG_DEFINITION = (TypesysError, KeyError, ValueError, SyntaxError, RecursionError)
 # Types as ROS 2 named them before its release Dashing, without the part 'msg'.
 _FIRST_NAMES = re.compile(r'^(\w+)/(\w+)$')
 
@@ -117,12 +119,10 @@ class Recording:
             f'{self.path} has no topic {name!r}{hint} its topics are {", ".join(self.topics)}'
         )
 
-    @property
+    @cached_property
     def start_ns(self) -> int:
         """Log time of the first message."""
-        return min(
-            segment.start_ns for storage in self._storages for segment in storage.segments
-        )
+        return min(segment.start_ns for storage in self._storages for segment in storage.segments)
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[RawMessage]:
         """Yield messages in the order in which they were logged; equal times in file order.
@@ -196,6 +196,17 @@ class Recording:
                 ) from error
         return block
 
+    def raw(self, block: Block, row: int, topic: str) -> RawMessage:
+        """Return one message of a block.
+
+        Args:
+            block: what :meth:`blocks` yielded.
+            row: the message's number in it.
+            topic: the name of its topic.
+        """
+        msgtype = self.topics[topic].msgtype
+        return RawMessage(topic, msgtype, int(block.times[row]), block.message(row))
+
     def decode(self, raw: RawMessage) -> Any:
         """Return the message object, built by ``rosbags`` from the definition in the bag.
 
@@ -220,13 +231,16 @@ class Recording:
                 f'{len(raw.data)} bytes are not a {raw.msgtype}'
             ) from error
 
-    def fields(self, topic: str) -> dict[str, Any]:
+    def fields(self, topic: str) -> Mapping[str, Any]:
         """Return the parsed definitions of a topic's type and its parts, by type name.
 
         Raises:
             OccError: the type is unknown, or its definition cannot be read.
         """
-        return self._store(topic).fielddefs
+        try:
+            return _parse_definition(self.topics[topic]) or _jazzy().fielddefs
+        except _WRONG_DEFINITION as error:
+            raise self._undefined(topic) from error
 
     def fingerprint(self) -> dict[str, Any]:
         """Return ``name``, ``sha256`` over the storage files in order, and ``messages``."""
@@ -334,14 +348,16 @@ class Recording:
             else:
                 store = _jazzy()
             store.get_msgdef(info.msgtype)
-        # The generated code of a definition that lacks a part fails on a plain lookup.
-        except (TypesysError, KeyError, ValueError, SyntaxError) as error:
-            raise OccError(
-                f'{self.path} has topic {topic!r} of type {info.msgtype!r}, whose definition is '
-                'neither complete in the bag nor part of ROS 2 Jazzy'
-            ) from error
+        except _WRONG_DEFINITION as error:
+            raise self._undefined(topic) from error
         self._stores[info.msgtype] = store
         return store
+
+    def _undefined(self, topic: str) -> OccError:
+        return OccError(
+            f'{self.path} has topic {topic!r} of type {self.topics[topic].msgtype!r}, whose '
+            'definition is neither complete in the bag nor part of ROS 2 Jazzy'
+        )
 
 
 def _with_metadata(topics: dict[str, TopicInfo], metadata: dict[str, Any]) -> dict[str, TopicInfo]:
@@ -420,17 +436,23 @@ def _as_stored(file: Path) -> Path:
 def _parse_or_text(info: TopicInfo) -> Any:
     try:
         return _parse_definition(info)
-    except (TypesysError, KeyError, ValueError, SyntaxError):
+    except _WRONG_DEFINITION:
         return info.definition
 
 
 def _parse_definition(info: TopicInfo) -> dict[str, Any]:
-    if not info.definition.strip():
+    return _parsed(info.definition, info.definition_format, info.msgtype)
+
+
+# Bags repeat the same definitions, and parsing one takes as long as reading thousands of messages.
+@lru_cache(maxsize=256)
+def _parsed(definition: str, kind: str, msgtype: str) -> dict[str, Any]:
+    if not definition.strip():
         return {}
-    if info.definition_format == 'ros2msg':
-        return get_types_from_msg(info.definition, info.msgtype)
+    if kind == 'ros2msg':
+        return get_types_from_msg(definition, msgtype)
     types: dict[str, Any] = {}
-    for part in re.split(r'^={80}\n(?:IDL: .*\n)?', info.definition, flags=re.MULTILINE):
+    for part in re.split(r'^={80}\n(?:IDL: .*\n)?', definition, flags=re.MULTILINE):
         if part.strip():
             types.update(get_types_from_idl(part))
     return types

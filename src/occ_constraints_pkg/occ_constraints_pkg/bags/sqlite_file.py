@@ -147,9 +147,7 @@ class _Run:
         self.topics[topic] += 1
 
 
-def _problem(
-    row: Any, topic: Any, time: Any, size: Any, known: set[int], last: int | None
-) -> str:
+def _problem(row: Any, topic: Any, time: Any, size: Any, known: set[int], last: int | None) -> str:
     """Say what is wrong with a row, or nothing."""
     if not all(isinstance(item, int) for item in (row, topic, time, size)):
         return f'row {row} lacks a topic, a time or data'

@@ -15,6 +15,8 @@ import zstandard
 
 MAX_PIECE_BYTES = 1 << 28
 """What is loaded at once may have this many bytes; more is taken for damage."""
+# Blocks of less are joined: most work on a block is the same whatever its size.
+_BLOCK_BYTES = 1 << 22
 
 
 @dataclass(frozen=True)
@@ -51,7 +53,7 @@ class Block:
         ends: (n,) where it ends.
     """
 
-    data: bytes
+    data: bytes | memoryview
     topics: np.ndarray
     times: np.ndarray
     starts: np.ndarray
@@ -76,7 +78,10 @@ class Block:
 
     def mapped(self, convert: Callable[[bytes], bytes]) -> Block:
         """Return a block whose messages are those of this one, each passed through ``convert``."""
-        return _packed([convert(self.message(row)) for row in range(len(self))], self)
+        messages = [convert(self.message(row)) for row in range(len(self))]
+        ends = np.cumsum([len(message) for message in messages], dtype=np.int64)
+        starts = np.append(0, ends[:-1])[: len(ends)]
+        return replace(self, data=b''.join(messages), starts=starts, ends=ends)
 
 
 @dataclass(frozen=True)
@@ -90,6 +95,7 @@ class Segment:
         length: how long it is, in the same unit.
         chunk: whether it is a chunk of an MCAP file and not a run of its records.
         channels: numbers of those channels that have messages in it; None when that is not told.
+        index_length: bytes behind a chunk that tell where its messages are.
     """
 
     start_ns: int
@@ -98,6 +104,7 @@ class Segment:
     length: int
     chunk: bool = False
     channels: frozenset[int] | None = None
+    index_length: int = 0
 
 
 class StorageFile(Protocol):
@@ -124,7 +131,7 @@ class StorageFile(Protocol):
 
 
 def in_log_order(pieces: Iterable[tuple[int, Callable[[], Block]]]) -> Iterator[Block]:
-    """Join pieces that may overlap in time; holds as many of them as overlap.
+    """Join pieces that may overlap in time; holds as many of them as overlap, and a few more.
 
     Args:
         pieces: ``(time before which it has no message, function that loads it)`` of each piece,
@@ -132,38 +139,50 @@ def in_log_order(pieces: Iterable[tuple[int, Callable[[], Block]]]) -> Iterator[
     """
     entries = list(pieces)
     held: list[Block] = []
+    ready: list[Block] = []
     for number, (_, load) in enumerate(entries):
         block = load()
         if len(block):
             held.append(block)
-        if number + 1 == len(entries):
-            ready, held = held, []
-        else:
-            places = [int(np.searchsorted(item.times, entries[number + 1][0])) for item in held]
-            pairs = list(zip(held, places, strict=True))
-            ready = [item.select(slice(place)) for item, place in pairs if place]
-            held = [item.select(slice(place, None)) for item, place in pairs if place < len(item)]
-        if len(ready) == 1:
-            yield ready[0]
-        elif ready:
-            yield _interleaved(ready)
+        # What comes before the beginning of the next piece comes before all that is left.
+        following = entries[number + 1][0] if number + 1 < len(entries) else None
+        left = []
+        for item in held:
+            count = len(item)
+            place = count if following is None else int(np.searchsorted(item.times, following))
+            if place:
+                ready.append(item.select(slice(place)))
+            if place < count:
+                rest = item.select(slice(place, None))
+                # A few messages shall not hold a whole piece.
+                left.append(rest if place < count / 2 else _copied(rest))
+        held = left
+        if sum(len(item.data) for item in ready) >= _BLOCK_BYTES or following is None:
+            if ready:
+                yield _joined(ready)
+            ready = []
 
 
-def _interleaved(blocks: list[Block]) -> Block:
-    merged = _packed([block.message(row) for block in blocks for row in range(len(block))], *blocks)
+def _joined(blocks: list[Block]) -> Block:
+    """Return one block of all messages in log order, those of equal time block by block."""
+    if len(blocks) == 1:
+        return blocks[0]
+    shifts = np.cumsum([0, *(len(block.data) for block in blocks[:-1])])
+    pairs = list(zip(blocks, shifts.tolist(), strict=True))
+    merged = Block(
+        b''.join([block.data for block in blocks]),
+        np.concatenate([block.topics for block in blocks]),
+        np.concatenate([block.times for block in blocks]),
+        np.concatenate([block.starts + shift for block, shift in pairs]),
+        np.concatenate([block.ends + shift for block, shift in pairs]),
+    )
+    if (merged.times[1:] >= merged.times[:-1]).all():
+        return merged
     return merged.select(np.argsort(merged.times, kind='stable'))
 
 
-def _packed(messages: list[bytes], *blocks: Block) -> Block:
-    """Return a block of messages whose topics and times are those of blocks, one after another."""
-    ends = np.cumsum([len(message) for message in messages], dtype=np.int64)
-    return Block(
-        b''.join(messages),
-        np.concatenate([block.topics for block in blocks]),
-        np.concatenate([block.times for block in blocks]),
-        np.concatenate([[0], ends[:-1]]).astype(np.int64),
-        ends,
-    )
+def _copied(block: Block) -> Block:
+    return block.mapped(bytes)
 
 
 def with_counts(

@@ -11,4 +11,5 @@ default of its own.
 # imported when it runs, for some need extras.
 BENCHMARKS = {
     'loop': 'training over topics beside training in one process',
+    'bags': 'features of a bag beside its messages deserialized by rosbags',
 }

@@ -34,9 +34,9 @@ class Messages:
         time = self.types['builtin_interfaces/msg/Time'](*divmod(stamp_ns, 10**9))
         return self.types['std_msgs/msg/Header'](time, frame)
 
-    def scan(self, ranges, *, stamp_ns=0, range_max=4.0):
+    def scan(self, ranges, *, stamp_ns=0, range_max=4.0, first=0.0, step=0.1):
         return self.types['sensor_msgs/msg/LaserScan'](
-            self.header(stamp_ns), 0.0, 1.0, 0.1, 0.0, 0.0, 0.1, range_max,
+            self.header(stamp_ns), first, 1.0, step, 0.0, 0.0, 0.1, range_max,
             np.array(ranges, dtype=np.float32), np.array([], dtype=np.float32),
         )  # fmt: skip
 
@@ -50,6 +50,17 @@ class Messages:
         return self.types['geometry_msgs/msg/Twist'](
             self.vector(x, y, 0.0), self.vector(0.0, 0.0, wz)
         )
+
+    def odometry(self, *, stamp_ns=0, x=0.0, wz=0.0, orientation=None, frame='odom'):
+        types = self.types
+        point = types['geometry_msgs/msg/Point'](x, 0.0, 0.0)
+        orientation = orientation or self.quaternion(0.0, 0.0, 0.0, 1.0)
+        pose = types['geometry_msgs/msg/Pose'](point, orientation)
+        return types['nav_msgs/msg/Odometry'](
+            self.header(stamp_ns, frame), 'base_link',
+            types['geometry_msgs/msg/PoseWithCovariance'](pose, np.zeros(36)),
+            types['geometry_msgs/msg/TwistWithCovariance'](self.twist(x=x, wz=wz), np.zeros(36)),
+        )  # fmt: skip
 
     def imu(self, orientation, *, stamp_ns=0):
         return self.types['sensor_msgs/msg/Imu'](

@@ -99,6 +99,8 @@ def read_for_rules(
 ) -> Dataset:
     """Read the features that rules speak of: from recordings by the feature map, or from tables.
 
+    The hashes of recordings, which only learning writes down, are not computed.
+
     Args:
         paths: recordings only, or table files only, whose columns are found by name.
         constraints: the rules, and for recordings their feature map.
@@ -118,7 +120,7 @@ def read_for_rules(
             'allowed are tables (.npz, .csv, .parquet) with columns of their names'
         )
     feature_map = FeatureMap.from_document(constraints.feature_map, where)
-    return extract(paths, feature_map, progress=progress)
+    return extract(paths, feature_map, progress=progress, provenance=False)
 
 
 def _pass_on(data: Dataset, constraints: Constraints, warn: Callable[[str], None] | None) -> None:

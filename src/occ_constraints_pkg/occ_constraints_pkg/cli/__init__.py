@@ -11,6 +11,7 @@ import click
 
 import occ_constraints_pkg
 from occ_constraints_pkg.cli.experiments import bench, demo, experiment
+from occ_constraints_pkg.cli.features import features
 from occ_constraints_pkg.cli.learning import learn
 from occ_constraints_pkg.cli.nodes import node, play, record
 from occ_constraints_pkg.cli.rules import check, prune, score, show
@@ -52,7 +53,7 @@ def cli(context: click.Context) -> None:
 
 
 for _command in (
-    *(learn, show, check, score, prune),
+    *(features, learn, show, check, score, prune),
     *(train, evaluate),
     *(node, record, play),
     *(demo, bench, experiment),

@@ -103,3 +103,36 @@ def article(
         print_json(result)
         return
     click.echo((Path(output) / 'article.md').read_text(encoding='utf-8'))
+
+
+@experiment.command()
+@click.option('-o', '--output', default='results', show_default=True, type=click.Path())
+@click.option(
+    '--data',
+    type=click.Path(),
+    help='Folder of the recordings; default: robots in OCC_TEST_DATA or in ../shared/data.',
+)
+@click.option('--kind', 'kinds', multiple=True, help='Only this kind of robot; may be repeated.')
+@JSON
+def robots(output: str, data: str | None, kinds: tuple[str, ...], as_json: bool) -> None:
+    """Learn from safe recordings of robots, and judge those held back and those with contact.
+
+    Recordings are named safe_KIND_NAME, contact_KIND_NAME or bump_KIND_NAME. Writes robots.json,
+    robots.md and the feature maps.
+
+    \b
+    Example: occ experiment robots --data recordings --kind tb3 -o results
+    """
+    from occ_constraints_pkg.experiments.robots import run_robots
+
+    with progress_bar('kinds') as progress:
+        result = run_robots(
+            Path(output),
+            folder=Path(data) if data else None,
+            kinds=kinds,
+            progress=progress,
+        )
+    if as_json:
+        print_json(result)
+        return
+    click.echo((Path(output) / 'robots.md').read_text(encoding='utf-8'))

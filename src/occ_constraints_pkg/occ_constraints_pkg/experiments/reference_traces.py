@@ -72,7 +72,7 @@ def load_traces(task: str, folder: Path) -> Traces:
             for name in names
         }
     kind = world_class(task)
-    layout = _joined([reference_layout(kind, seed) for seed in range(_EPISODES)])
+    layout = joined([reference_layout(kind, seed) for seed in range(_EPISODES)])
     if not (layout.robot[:, :2] == arrays['pos'][:, 0, :2]).all():
         raise OccError(f'{path} does not begin where seeds 0 to {_EPISODES - 1} begin')
     return Traces(task, layout, **arrays, untouched=_untouched(kind, layout, arrays['pos']))
@@ -239,7 +239,8 @@ def _repeated(layout: Layout, number: int, times: int) -> Layout:
     )
 
 
-def _joined(layouts: list[Layout]) -> Layout:
+def joined(layouts: list[Layout]) -> Layout:
+    """Return several layouts as one."""
     return Layout(
         **{
             field.name: np.concatenate([getattr(layout, field.name) for layout in layouts])

@@ -16,10 +16,11 @@ from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.experiments.conditions import data_folder, versions
 from occ_constraints_pkg.experiments.reference_traces import (
     TASKS,
+    ReferenceGoals,
     free_run,
     joined,
     load_traces,
-    reference_layout,
+    reference_start,
     single_steps,
 )
 from occ_constraints_pkg.worlds.registry import make_world
@@ -67,8 +68,9 @@ def run_worlds(
 ) -> dict[str, Any]:
     """Compare our worlds with safety-gymnasium.
 
-    For the means, episodes begin where those of its seeds 0, 1, 2 ... begin, and random actions
-    are those of the records: then what is left is the simulation, and new goals.
+    For the means, episodes begin where those of its seeds 0, 1, 2 ... begin, new goals are drawn
+    as it draws them, and random actions are those of the records. What is left to differ is the
+    simulation.
 
     Args:
         episodes: of ours, for the means.
@@ -130,8 +132,10 @@ def _compared(task: str, folder: Path) -> list[dict[str, Any]]:
 def _means(printed: Printed, episodes: int) -> dict[str, Any]:
     """Run episodes of ours and say how many standard errors their means are away."""
     world = make_world(printed.world, episodes)
-    starts = [reference_layout(type(world), seed) for seed in range(episodes)]
-    observation = world.start(np.arange(episodes), joined(starts))
+    starts = [reference_start(type(world), seed) for seed in range(episodes)]
+    observation = world.start(np.arange(episodes), joined([layout for layout, _ in starts]))
+    world.generators = [rng for _, rng in starts]
+    world.rules = ReferenceGoals(world.rules.keepouts)
     if printed.driver == 'random':
         driver = _recorded_random(episodes)
     else:

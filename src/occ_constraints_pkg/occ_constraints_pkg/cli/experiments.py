@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import click
@@ -11,6 +12,7 @@ import click
 from occ_constraints_pkg.cli.common import JSON, end_tidily, print_json, progress_bar
 from occ_constraints_pkg.errors import import_needed
 from occ_constraints_pkg.experiments.benchmarks import BENCHMARKS
+from occ_constraints_pkg.files import replacing
 
 
 @click.command()
@@ -136,3 +138,37 @@ def robots(output: str, data: str | None, kinds: tuple[str, ...], as_json: bool)
         print_json(result)
         return
     click.echo((Path(output) / 'robots.md').read_text(encoding='utf-8'))
+
+
+@experiment.command()
+@click.option('-o', '--output', default='results', show_default=True, type=click.Path())
+@click.option(
+    '--episodes', default=50, type=click.IntRange(min=2), show_default=True, help='For the means.'
+)
+@click.option(
+    '--data',
+    type=click.Path(),
+    help='Folder of the records; default: safety_gym_traces in OCC_TEST_DATA or ../shared/data.',
+)
+@JSON
+def worlds(output: str, episodes: int, data: str | None, as_json: bool) -> None:
+    """Compare the Safety-Gym tasks with safety-gymnasium; writes worlds.json and worlds.md.
+
+    \b
+    Example: occ experiment worlds -o results
+    """
+    module = import_needed('occ experiment', 'occ_constraints_pkg.experiments.worlds')
+    with progress_bar('comparing') as progress:
+        result = module.run_worlds(
+            episodes=episodes, folder=Path(data) if data else None, progress=progress
+        )
+    for reason in result['skipped'].values():
+        click.echo(f'skipped: {reason}', err=True)
+    table = module.markdown(result)
+    for name, text in (('worlds.json', json.dumps(result, indent=2) + '\n'), ('worlds.md', table)):
+        with replacing(Path(output) / name) as draft:
+            draft.write_text(text, encoding='utf-8')
+    if as_json:
+        print_json(result)
+        return
+    click.echo(table)

@@ -39,6 +39,7 @@ class SafetyGymWorld(World):
         rules: how much room things keep when they are placed.
         lidars: kind of things that each lidar sees, and how many there are.
         hazard_radius: in m.
+        generators: one per robot; draws its layouts and new goals.
         physics: where robots, vases, boxes and pillars are and how they move.
     """
 
@@ -74,7 +75,7 @@ class SafetyGymWorld(World):
             threads: threads that step the physics; 0 means one per core, fewer for small N.
         """
         self.num_envs = num_envs
-        self._rngs = robot_generators(None, num_envs)
+        self.generators = robot_generators(None, num_envs)
         self.physics = Physics(
             self.robot,
             self.movable,
@@ -98,9 +99,9 @@ class SafetyGymWorld(World):
         """Start new episodes; see :meth:`World.reset`."""
         rows = selected_rows(mask, self.num_envs)
         if seed is not None:
-            self._rngs = robot_generators(seed, self.num_envs)
+            self.generators = robot_generators(seed, self.num_envs)
         if len(rows):
-            self.start(rows, self.rules.sample_layout([self._rngs[row] for row in rows]))
+            self.start(rows, self.rules.sample_layout([self.generators[row] for row in rows]))
         return self._observation.copy(), {'true_cost': self._cost()}
 
     def start(
@@ -200,7 +201,7 @@ class SafetyGymWorld(World):
     def _move_goal(self, row: int) -> bool:
         """Move a goal that was reached; return whether there was room for it."""
         obstacles = np.concatenate([self._position[row : row + 1], self._objects[row, 1:]])
-        place = self.rules.sample_goal(self._rngs[row], obstacles)
+        place = self.rules.sample_goal(self.generators[row], obstacles)
         if place is None:
             return False
         self._goal[row] = place

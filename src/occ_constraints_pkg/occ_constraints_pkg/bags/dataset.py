@@ -24,6 +24,9 @@ class Dataset:
         episodes: (n,) int64, the same number for rows of one recording, robot and episode.
         true_cost: (n,) float64, the simulated world's own cost, NaN for rows of recordings that
             lack it; None when all lack it.
+        times_ns: (n,) int64, arrival of the row's pace message, ns from the first message of its
+            recording; None for table files.
+        recordings: (n,) int64, which of the sources each row comes from; None: all from the first.
         sources: :meth:`Recording.fingerprint` of each recording; of a table file ``name``,
             ``sha256`` and ``rows``.
         warnings: one sentence for each thing that was missing or damaged in a recording.
@@ -37,13 +40,16 @@ class Dataset:
     stamps_ns: np.ndarray
     episodes: np.ndarray
     true_cost: np.ndarray | None = None
+    times_ns: np.ndarray | None = None
+    recordings: np.ndarray | None = None
     sources: tuple[dict[str, Any], ...] = ()
     warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         rows = len(self.stamps_ns)
         columns = [self.stamps_ns, self.episodes]
-        columns += [] if self.true_cost is None else [self.true_cost]
+        more = (self.true_cost, self.times_ns, self.recordings)
+        columns += [column for column in more if column is not None]
         if self.values.shape != (rows, len(self.names)) or any(c.shape != (rows,) for c in columns):
             raise OccError(
                 f'a dataset of {len(self.names)} features and {rows} stamps got values of shape '
@@ -55,14 +61,9 @@ class Dataset:
 
     def select(self, rows: np.ndarray) -> Dataset:
         """Return the rows of a (n,) bool mask, or of an array of row numbers."""
-        cost = None if self.true_cost is None else self.true_cost[rows]
-        return replace(
-            self,
-            values=self.values[rows],
-            stamps_ns=self.stamps_ns[rows],
-            episodes=self.episodes[rows],
-            true_cost=cost,
-        )
+        columns = ('values', 'stamps_ns', 'episodes', 'true_cost', 'times_ns', 'recordings')
+        chosen = {name: getattr(self, name) for name in columns}
+        return replace(self, **{name: None if c is None else c[rows] for name, c in chosen.items()})
 
     def split_episodes(self, rng: np.random.Generator, share: float) -> tuple[Dataset, Dataset]:
         """Split at random into two parts that share no episode.

@@ -271,7 +271,7 @@ def extract(
         feature_map: what to compute.
         progress: called with the number of messages of needed topics so far, and the number in
             all recordings.
-        provenance: whether to fill in the sources, for whose hashes the files are read once more.
+        provenance: whether the sources have hashes, for which the files are read once more.
 
     Raises:
         OccError: no recordings; one cannot be read, lacks a topic, field or column of the map, or
@@ -299,7 +299,8 @@ def extract(
             blocks = _MessageExtractor(recording, topics, feature_map)
         for block in recording.blocks(list(topics.values())):
             for rows in blocks.rows(block):
-                part.add(rows, selection.stretches(rows.times_ns - recording.start_ns))
+                times = rows.times_ns - recording.start_ns
+                part.add(rows, times, selection.stretches(times))
             done += len(block)
             if progress is not None:
                 progress(done, total)
@@ -319,10 +320,12 @@ def extract(
         stamps_ns=np.concatenate([stamps for part in parts for stamps in part.stamps]),
         episodes=np.concatenate([part.episodes for part in parts]),
         true_cost=np.concatenate(costs) if any(part.has_cost for part in parts) else None,
+        times_ns=np.concatenate([times for part in parts for times in part.times]),
+        recordings=np.repeat(np.arange(len(parts)), [len(part.episodes) for part in parts]),
         sources=tuple(
-            recording.fingerprint() | selection.to_document()
+            (recording.fingerprint() if provenance else {'name': recording.name})
+            | selection.to_document()
             for recording, selection in zip(recordings, selections, strict=True)
-            if provenance
         ),
         warnings=tuple(text for recording in recordings for text in recording.warnings),
     )
@@ -406,13 +409,14 @@ class _Part:
     def __init__(self) -> None:
         self.values: list[np.ndarray] = []
         self.stamps: list[np.ndarray] = []
+        self.times: list[np.ndarray] = []
         self.costs: list[np.ndarray] = []
         self.episodes = np.empty(0, dtype=np.int64)
         self.has_cost = False
         self.where = ''
         self._episodes: list[np.ndarray] = []
 
-    def add(self, rows: RowBlock, stretches: np.ndarray) -> None:
+    def add(self, rows: RowBlock, times_ns: np.ndarray, stretches: np.ndarray) -> None:
         """Add those rows that lie in a stretch to use."""
         count = len(rows.values)
         columns = () if rows.table is None else rows.table.names
@@ -428,6 +432,7 @@ class _Part:
         self.has_cost = self.has_cost or has_cost
         self.values.append(rows.values[used])
         self.stamps.append(rows.stamps_ns[used])
+        self.times.append(times_ns[used])
         self.costs.append(cost[used].astype(np.float64))
         self._episodes.append(np.stack([robots, numbers, stretches], axis=1)[used])
 

@@ -4,10 +4,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import click
 
+from occ_constraints_pkg.bags.timeline import BRIDGE_SECONDS, TIMEOUT_SECONDS, make_timeline
 from occ_constraints_pkg.cli.common import DATA, JSON, number, print_json, read_data, warn
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import OccError, import_needed
 from occ_constraints_pkg.report.rules import describe_rules
 
 
@@ -51,18 +54,45 @@ def show(constraints: str, as_json: bool) -> None:
     type=click.Path(),
     help='Write the constraints file with counters of these recordings, for `occ prune`.',
 )
+@click.option(
+    '--timeout',
+    default=TIMEOUT_SECONDS,
+    show_default=True,
+    type=click.FloatRange(min=0.0, min_open=True),
+    help='Seconds that a verdict stands without new input; after that the time is UNKNOWN.',
+)
+@click.option(
+    '--bridge',
+    default=BRIDGE_SECONDS,
+    show_default=True,
+    type=click.FloatRange(min=0.0),
+    help='Violations of a rule that are at most as many seconds apart count as one.',
+)
+@click.option('--plot', type=click.Path(), help='Draw the timeline to this PNG file.')
 @JSON
-def check(paths: tuple[str, ...], constraints: str, counted: str | None, as_json: bool) -> int:
-    """Judge recordings or tables by a constraints file; exit code 1 when a sample is not SAFE.
+def check(
+    paths: tuple[str, ...],
+    constraints: str,
+    counted: str | None,
+    timeout: float,
+    bridge: float,
+    plot: str | None,
+    as_json: bool,
+) -> int:
+    """Judge recordings or tables by a constraints file: when is which rule violated, how far.
+
+    Times are seconds since the recording's first message. Exit code 1 when not all is SAFE.
 
     \b
-    Example: occ check bags/drive_7 -c constraints.yaml
+    Example: occ check bags/drive_7 -c constraints.yaml --plot drive_7.png
     """
     import numpy as np
 
+    from occ_constraints_pkg.report.timeline import describe_timeline, timeline_document
     from occ_constraints_pkg.rules import RuleCounts, Verdict
     from occ_constraints_pkg.rules.constraints_file import load_constraints
 
+    draw = plot and import_needed('occ check --plot', 'occ_constraints_pkg.report.timeline_picture')
     loaded = load_constraints(constraints)
     data = read_data(paths, loaded, constraints)
     rule_set = loaded.rule_set
@@ -73,30 +103,33 @@ def check(paths: tuple[str, ...], constraints: str, counted: str | None, as_json
     counts.add(judgement)
     if counted:
         loaded.with_rule_set(rule_set.with_counts(counts)).save(counted)
-    shares = {verdict.name: float(np.mean(judgement.verdict == verdict)) for verdict in Verdict}
-    broken = [
-        {'id': rule.id, 'text': rule.words(rule_set.space), 'violated': int(violated)}
-        for rule, violated in zip(rule_set.rules, counts.violated, strict=True)
-        if violated
-    ]
-    broken.sort(key=lambda item: -item['violated'])
+    timeline = make_timeline(rule_set, data, judgement, timeout=timeout, bridge=bridge)
+    if draw:
+        draw.draw_timeline(Path(plot), timeline, rule_set)
+    is_safe = bool((judgement.verdict == Verdict.SAFE).all() and not timeline.silence.any())
     if as_json:
+        broken = [
+            {'id': rule.id, 'text': rule.words(rule_set.space), 'violated': int(violated)}
+            for rule, violated in zip(rule_set.rules, counts.violated, strict=True)
+            if violated
+        ]
         print_json(
             {
                 'samples': len(data),
-                'shares': shares,
-                'violated_rules': broken,
+                'shares': {
+                    verdict.name: float(np.mean(judgement.verdict == verdict))
+                    for verdict in Verdict
+                },
+                'violated_rules': sorted(broken, key=lambda item: -item['violated']),
                 'smallest_margin': number(np.nanmin(judgement.margin))
                 if (judgement.verdict != Verdict.UNKNOWN).any()
                 else None,
+                **timeline_document(timeline, rule_set),
             }
         )
     else:
-        parts = ', '.join(f'{share:.2%} {name}' for name, share in shares.items())
-        click.echo(f'{len(data)} samples: {parts}')
-        for item in broken:
-            click.echo(f'  {item["violated"]:>7} x  {item["id"]:<9} {item["text"]}')
-    return 0 if shares['SAFE'] == 1.0 else 1
+        click.echo(describe_timeline(timeline, rule_set))
+    return 0 if is_safe else 1
 
 
 @click.command()

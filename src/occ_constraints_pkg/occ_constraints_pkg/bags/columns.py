@@ -199,7 +199,9 @@ class TopicColumns:
         if self._fields is not None and self._recording.topics[self._topic].serialization == 'cdr':
             try:
                 found = self._fields.read(block.data, block.starts[rows], block.ends[rows])
-                return self._finish(found, len(rows))
+                # A value that overflows is infinite, which the verdict tells; as in plain Python.
+                with np.errstate(over='ignore', invalid='ignore'):
+                    return self._finish(found, len(rows))
             except UnreadableError:
                 pass
         return self._one_by_one(block, rows)
@@ -231,7 +233,7 @@ class TopicColumns:
 
 
 def _column(groups: list[Group]) -> np.ndarray:
-    return groups[0].values[:, 0]
+    return groups[0].values[:, 0].astype(np.float64)
 
 
 def _has_stamp(definitions: dict[str, Any], msgtype: str) -> bool:
@@ -279,7 +281,7 @@ def _numbers(
     if source.reduce is not None:
         numbers = _reduced(source, group, furthest, shared)
     else:
-        numbers = group.values[:, 0]
+        numbers = group.values[:, 0].astype(np.float64)
         if source.missing == 'max_range':
             numbers = np.where(unmeasured(numbers), furthest, numbers)
     return np.abs(numbers) if source.transform == 'abs' else numbers
@@ -295,7 +297,10 @@ def _reduced(
     if source.missing == 'max_range':
         # Several features mostly lie in one array, of which this is done once.
         if id(base) not in shared:
-            filled = np.where(unmeasured(base), furthest[:, None], base)
+            # As float32, when both are, is exact.
+            limit = furthest.astype(base.dtype)
+            limit = limit if np.array_equal(limit, furthest, equal_nan=True) else furthest
+            filled = np.where(unmeasured(base), limit[:, None], base)
             shared[id(base)] = filled, (base > 0) | (base == -np.inf)
         base, says_something = shared[id(base)]
         blind = ~says_something[:, part].any(axis=1)
@@ -306,15 +311,15 @@ def _reduced(
         case 'max':
             result = numbers.max(axis=1)
         case 'mean':
-            result = numbers.mean(axis=1)
+            result = numbers.astype(np.float64).mean(axis=1)
         case _:
             # Row by row, for along an axis NumPy sums the squares in another order.
-            result = np.array([np.linalg.norm(row) for row in np.ascontiguousarray(numbers)])
+            result = np.array([np.linalg.norm(row) for row in numbers.astype(np.float64)])
     return result if blind is None else np.where(blind, np.nan, result)
 
 
 def _yaws(quaternions: np.ndarray) -> np.ndarray:
-    x, y, z, w = quaternions.T
+    x, y, z, w = quaternions.T.astype(np.float64)
     sines, cosines = 2.0 * (w * z + x * y), w * w + x * x - y * y - z * z
     # The arctangent of NumPy may differ from that of math in the last bit.
     angles = map(math.atan2, sines.tolist(), cosines.tolist())

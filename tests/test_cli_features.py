@@ -56,9 +56,8 @@ def test_suggest_then_learn_then_check(capsys, bag, tmp_path):
     rules = tmp_path / 'rules.yaml'
     assert run(capsys, 'learn', bag, '-m', target, '-o', rules)[0] == 0
     code, out, _ = run(capsys, 'check', bag, '-c', rules)
-    assert 'commanded_speed' not in out
     # The first row has no command yet.
-    assert '1.00% UNKNOWN' in out
+    assert 'UNKNOWN: commanded_speed unusable in 1 samples' in out
 
 
 def test_suggest_prints_the_map_alone(capsys, bag):

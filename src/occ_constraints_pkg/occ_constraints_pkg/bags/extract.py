@@ -271,7 +271,7 @@ def extract(
         feature_map: what to compute.
         progress: called with the number of messages of needed topics so far, and the number in
             all recordings.
-        provenance: whether to fill in the sources, for whose hashes the files are read once more.
+        provenance: whether the sources have hashes, for which the files are read once more.
 
     Raises:
         OccError: no recordings; one cannot be read, lacks a topic, field or column of the map, or
@@ -323,9 +323,9 @@ def extract(
         times_ns=np.concatenate([times for part in parts for times in part.times]),
         recordings=np.repeat(np.arange(len(parts)), [len(part.episodes) for part in parts]),
         sources=tuple(
-            recording.fingerprint() | selection.to_document()
+            (recording.fingerprint() if provenance else {'name': recording.name})
+            | selection.to_document()
             for recording, selection in zip(recordings, selections, strict=True)
-            if provenance
         ),
         warnings=tuple(text for recording in recordings for text in recording.warnings),
     )

@@ -86,14 +86,15 @@ class Timeline:
 
     @property
     def shares(self) -> dict[str, float]:
-        """Share of the time of each verdict, by its name; NaN where no time passes."""
+        """Share of the time of each verdict, by its name; of the samples where no time passes."""
+        weights = self.stands if self.duration else np.ones(len(self.data))
         times = {
-            verdict.name: float(self.stands[self.judgement.verdict == verdict].sum())
+            verdict.name: float(weights[self.judgement.verdict == verdict].sum())
             for verdict in Verdict
         }
         times['UNKNOWN'] += float(self.silence.sum())
-        total = sum(times.values())
-        return {name: time / total if total else np.nan for name, time in times.items()}
+        total = max(sum(times.values()), np.finfo(np.float64).tiny)
+        return {name: time / total for name, time in times.items()}
 
 
 def make_timeline(

@@ -15,6 +15,8 @@ import numpy as np
 # conaffinity. The floor shows bit 1, robots and pillars bit 2. Parts of a robot never meet.
 _FLOOR_BIT, _SOLID_BIT = 1, 2
 
+# Of the centre of a Point, in m.
+POINT_HEIGHT = 0.1
 PILLAR_RADIUS = 0.2
 _PILLAR_HALF_HEIGHT = 0.5
 
@@ -194,8 +196,11 @@ def scene_mjcf(robot: Robot, movable: Movable | None = None, *, pillar: bool = F
         movable: comes second in the state; ``None`` leaves it out.
         pillar: adds a pillar, which is placed through MuJoCo's ``mocap_pos``.
     """
-    contactless = robot.is_planar and movable is None
-    flags = '<flag contact="disable" constraint="disable"/>' if contactless else ''
+    flags = ''
+    if movable is None:
+        # Alone, a planar robot touches nothing, and any other is one island of contacts by itself.
+        contactless = '<flag contact="disable" constraint="disable"/>'
+        flags = contactless if robot.is_planar else '<flag island="disable"/>'
     sensors = ''.join(f'<{sensor} site="robot"/>' for sensor in _SITE_SENSORS)
     return f"""
     <mujoco>

@@ -161,7 +161,10 @@ class SafetyGymWorld(World):
             terminated[row] = not self._move_goal(row)
         self._to_go = self._distances()[0] if reached.any() else to_go
 
-        self._observe(np.flatnonzero(~failed), sensors[~failed])
+        if failed.any():
+            self._observe(np.flatnonzero(~failed), sensors[~failed])
+        else:
+            self._observe(slice(None), sensors)
         truncated = ~terminated & (self._steps >= self.max_episode_steps)
         info = {'true_cost': self._cost(), 'failed': failed}
         return self._observation.copy(), reward, terminated, truncated, info
@@ -207,7 +210,7 @@ class SafetyGymWorld(World):
         self._goal[row] = place
         return True
 
-    def _observe(self, rows: np.ndarray, sensors: np.ndarray) -> None:
+    def _observe(self, rows: np.ndarray | slice, sensors: np.ndarray) -> None:
         """Write the observation of some robots from their (M, s) sensors and their places."""
         position, axes = self.physics.position[rows], self.physics.axes[rows]
         returns = lidar_returns(position, axes, self._objects[rows])

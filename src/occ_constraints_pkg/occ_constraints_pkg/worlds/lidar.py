@@ -46,3 +46,21 @@ def lidar_returns(position: np.ndarray, axes: np.ndarray, objects: np.ndarray) -
     np.minimum(away, 1.0, out=away)
     away *= strength[..., None]
     return away
+
+
+def beams(lidars: np.ndarray, forward: float) -> tuple[float, np.ndarray]:
+    """Return pseudo-lidars as the beams of laser scans, one through the middle of each bin.
+
+    Args:
+        lidars: (L, 16) readings.
+        forward: direction of the robot's drive from the x axis of its body, in rad.
+
+    Returns:
+        The direction of the first beam from straight ahead, in rad, the others following counter-
+        clockwise; and (L, 16) distances in m, infinite where nothing is seen.
+    """
+    step = 2 * np.pi / BINS
+    # Whole bins, for robots drive along an axis of their body.
+    shift = round((forward - np.pi) / step)
+    distances = np.where(lidars > 0, MAX_DISTANCE * (1 - lidars), np.inf)
+    return step / 2 - np.pi, np.roll(distances, -shift, axis=1)

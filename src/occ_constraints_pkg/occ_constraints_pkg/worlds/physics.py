@@ -97,6 +97,12 @@ class Physics:
             return matrix_of_yaw(self.qpos[:, 2])
         return matrix_of(self.qpos[:, 3:7])
 
+    def quaternion(self, row: int) -> np.ndarray:
+        """Return the (4,) orientation w, x, y, z of a robot's body, world frame."""
+        if self.robot.is_planar:
+            return quaternion_of_yaw(self.qpos[row : row + 1, 2])[0]
+        return self.qpos[row, 3:7].copy()
+
     def place(
         self,
         rows: np.ndarray,

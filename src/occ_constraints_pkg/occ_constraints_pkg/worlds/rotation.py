@@ -39,3 +39,17 @@ def matrix_of(quaternion: np.ndarray) -> np.ndarray:
     matrix[:, 2, 1] = 2 * (y * z + w * x)
     matrix[:, 2, 2] = 1 - 2 * (x * x + y * y)
     return matrix
+
+
+def product(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Return the (4,) quaternion of turning by (4,) ``second`` in the frame of ``first``."""
+    w, x, y, z = first
+    a, b, c, d = second
+    return np.array(
+        [
+            w * a - x * b - y * c - z * d,
+            w * b + x * a + y * d - z * c,
+            w * c - x * d + y * a + z * b,
+            w * d + x * c - y * b + z * a,
+        ]
+    )

@@ -13,4 +13,5 @@ BENCHMARKS = {
     'loop': 'training over topics beside training in one process',
     'rules': 'judging by rules beside a decision tree of scikit-learn',
     'bags': 'features of a bag beside its messages deserialized by rosbags',
+    'worlds': 'the Safety-Gym tasks beside a bare loop of MuJoCo steps',
 }

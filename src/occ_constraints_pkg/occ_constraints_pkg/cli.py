@@ -74,9 +74,9 @@ def cli(context: click.Context) -> None:
 )
 @click.option(
     '--contamination',
+    type=float,
     default=OCTreeSettings.contamination,
-    show_default=True,
-    help='With mass: share of the demonstrated samples that may lie outside.',
+    help='With mass: share of the demonstrated samples that may lie outside; estimated if absent.',
 )
 @click.option(
     '--gamma',
@@ -116,7 +116,7 @@ def learn(
     output: str,
     depth: int,
     clip: str,
-    contamination: float,
+    contamination: float | None,
     gamma: float,
     alpha: float,
     full_conditions: bool,

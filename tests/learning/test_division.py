@@ -8,7 +8,6 @@ from occ_constraints_pkg.learning.density import Density, bandwidth, estimate
 from occ_constraints_pkg.learning.division import (
     assess_and_shrink,
     clip,
-    clip_mass,
     divide,
     impurity,
     is_eligible,

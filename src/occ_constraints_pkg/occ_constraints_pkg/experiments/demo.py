@@ -96,8 +96,8 @@ def run_demo(output: Path, *, train_seconds: float = 120.0) -> int:
 
 def _learn_and_watch(bag: Path, rules: Path, logs: Path, domain: int) -> dict[str, Any]:
     """Run tree_learner and monitor; listen while an unconstrained driver drives."""
-    from occ_constraints_pkg.cli import describe_rules
     from occ_constraints_pkg.experiments.witness import Witness
+    from occ_constraints_pkg.report.rules import describe_rules
 
     nodes = {
         'monitor': {},

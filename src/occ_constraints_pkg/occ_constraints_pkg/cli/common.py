@@ -1,0 +1,78 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""What commands share: options, progress, warnings, JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import click
+
+FEATURE_MAP_HELP = 'Feature map: a YAML file, or a built-in name such as PointGoal1.'
+DATA = click.argument('paths', metavar='DATA...', nargs=-1, required=True, type=click.Path())
+JSON = click.option('--json', 'as_json', is_flag=True, help='Print one JSON object.')
+
+
+def end_tidily() -> None:
+    """Let SIGTERM do what Ctrl-C does: a training is saved, the nodes of a demo are ended."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+
+
+def read_data(paths: tuple[str, ...], constraints: Any, where: str) -> Any:
+    """Read data to judge, and pass on what was wrong with it."""
+    from occ_constraints_pkg.bags.demonstrations import read_for_rules
+
+    with progress_bar('reading') as progress:
+        data = read_for_rules(paths, constraints, where, progress=progress)
+    for warning in data.warnings:
+        warn(warning)
+    return data
+
+
+def warn(sentence: str) -> None:
+    """Print a warning on stderr."""
+    click.echo(f'warning: {sentence}', err=True)
+
+
+@contextmanager
+def progress_bar(label: str, *, detail: bool = False) -> Iterator[Callable[..., None]]:
+    """Show a bar on stderr, only on a terminal; yields ``update(done, total, text='')``."""
+    hidden = not sys.stderr.isatty()
+    with click.progressbar(
+        length=1,
+        label=label,
+        file=sys.stderr,
+        hidden=hidden,
+        item_show_func=(lambda text: text) if detail else None,
+    ) as bar:
+
+        def update(done: int, total: int, text: str = '') -> None:
+            if hidden:
+                return
+            bar.length = total
+            bar.update(done - bar.pos, text)
+
+        yield update
+
+
+def print_json(value: Any) -> None:
+    """Print plain values and NumPy numbers as JSON."""
+    click.echo(json.dumps(value, indent=2, allow_nan=False, default=_plain))
+
+
+def _plain(value: Any) -> Any:
+    if hasattr(value, 'item'):
+        # A NumPy number.
+        return value.item()
+    raise TypeError(f'cannot write {type(value).__name__} as JSON')
+
+
+def number(value: float) -> float | None:
+    """Return what JSON can hold of a number: None where it is not finite."""
+    return float(value) if math.isfinite(value) else None

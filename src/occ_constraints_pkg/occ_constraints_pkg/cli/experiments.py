@@ -1,0 +1,105 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""``occ demo``, ``bench`` and ``experiment``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from occ_constraints_pkg.cli.common import JSON, end_tidily, print_json, progress_bar
+from occ_constraints_pkg.errors import import_needed
+from occ_constraints_pkg.experiments.benchmarks import BENCHMARKS
+
+
+@click.command()
+@click.option('-o', '--output', default='demo_output', show_default=True, type=click.Path())
+@click.option('--train-seconds', default=120.0, show_default=True)
+def demo(output: str, train_seconds: float) -> int:
+    """Run the whole loop on PointGoal1: record, learn, monitor, train; write a page.
+
+    \b
+    Example: occ demo
+    """
+    # Some are needed at the end only, but a missing module must show now.
+    for module in ('report.demo_page', 'experiments.witness'):
+        import_needed('occ demo', f'occ_constraints_pkg.{module}')
+    run_demo = import_needed('occ demo', 'occ_constraints_pkg.experiments.demo').run_demo
+    end_tidily()
+    return run_demo(Path(output), train_seconds=train_seconds)
+
+
+@click.command(epilog=''.join(f'\b\n{name}: {words}\n\n' for name, words in BENCHMARKS.items()))
+@click.argument('name', type=click.Choice(list(BENCHMARKS)))
+@click.option(
+    '--seconds',
+    type=click.FloatRange(min=0.0, min_open=True),
+    help="Measured time per form; default: the benchmark's own.",
+)
+@JSON
+def bench(name: str, seconds: float | None, as_json: bool) -> None:
+    """Measure speed; prints metrics, what ran beside them, machine and versions.
+
+    \b
+    Example: occ bench loop --json
+    """
+    module = import_needed(
+        f'occ bench {name}', f'occ_constraints_pkg.experiments.benchmarks.{name}'
+    )
+    end_tidily()
+    result = module.run() if seconds is None else module.run(seconds)
+    if as_json:
+        print_json(result)
+        return
+    for part in ('metrics', 'peers'):
+        for key, value in result[part].items():
+            click.echo(f'{key}: {value:.4g}')
+
+
+@click.group()
+def experiment() -> None:
+    """Repeat published experiments.
+
+    \b
+    Example: occ experiment article --set Iris
+    """
+
+
+@experiment.command()
+@click.option('-o', '--output', default='results', show_default=True, type=click.Path())
+@click.option('--splits', default=20, show_default=True, help='Random splits per line.')
+@click.option('--seed', default=0, show_default=True)
+@click.option(
+    '--data',
+    type=click.Path(),
+    help='Folder of the CSV files; default: oneclass in OCC_TEST_DATA or in ../shared/data.',
+)
+@click.option('--set', 'sets', multiple=True, help='Run only this data set; may be repeated.')
+@JSON
+def article(
+    output: str, splits: int, seed: int, data: str | None, sets: tuple[str, ...], as_json: bool
+) -> None:
+    """Repeat the tree article's benchmark; writes article.json and article.md.
+
+    A stopped run goes on where it was. Needs scikit-learn.
+
+    \b
+    Example: occ experiment article --set Iris -o results
+    """
+    module = import_needed('occ experiment', 'occ_constraints_pkg.experiments.article')
+    with progress_bar('lines') as progress:
+        result = module.run_article(
+            Path(output),
+            splits=splits,
+            seed=seed,
+            folder=Path(data) if data else None,
+            names=sets,
+            progress=progress,
+        )
+    for reason in result['skipped'].values():
+        click.echo(f'skipped: {reason}', err=True)
+    if as_json:
+        print_json(result)
+        return
+    click.echo((Path(output) / 'article.md').read_text(encoding='utf-8'))

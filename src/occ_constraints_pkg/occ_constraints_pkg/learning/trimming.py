@@ -113,15 +113,9 @@ class _Tail(NamedTuple):
     edge: float | None
     distances: np.ndarray
 
-    def bought(self, price: float, count: int) -> int:
-        """Return how many samples to leave outside at a price per share of the range."""
-        shares = np.arange(len(self.values)) / count
-        # The first of equal values is the best of them, so equal samples stay together.
-        return int(np.argmax(price * self.members * self.beyond - shares))
-
     def beyond_edge(self, room: int) -> int:
         """Return how many samples lie beyond the edge, at most ``room``; equal ones together."""
-        outside = min(int(np.searchsorted(self.distances, self.edge)), room, len(self.values) - 1)
+        outside = min(int(np.searchsorted(self.distances, self.edge)), room)
         return int(np.searchsorted(self.distances, self.distances[outside]))
 
 
@@ -149,31 +143,44 @@ def trim(units: Sequence[Unit], contamination: float | None) -> list[Trim | None
     share = MOST_ESTIMATED if contamination is None else contamination
     count = len(units[0].smallest)
     room = int(share * count)
-    tails = [_tails(unit, room, share if contamination is None else None) for unit in units]
+    found = [_tails(unit, room, share if contamination is None else None) for unit in units]
+    tails = [tail for pair in found if pair is not None for tail in pair]
     price = share / sum(len(unit.features) for unit in units)
-    every = [tail for pair in tails if pair is not None for tail in pair]
-    if contamination is None:
-        outside = {id(tail): tail.bought(price, count) for tail in every if tail.edge is None}
-        for tail in every:
-            if tail.edge is not None:
-                outside[id(tail)] = tail.beyond_edge(room - sum(outside.values()))
-    else:
-        price = _spending(every, price, count, room)
-        outside = {id(tail): tail.bought(price, count) for tail in every}
-    return [
-        None if pair is None else _trim(pair, [outside[id(tail)] for tail in pair], count)
-        for pair in tails
-    ]
+    priced = [index for index, tail in enumerate(tails) if tail.edge is None]
+    outside = np.zeros(len(tails), dtype=np.int64)
+    if priced:
+        worth = np.stack([tails[index].members * tails[index].beyond for index in priced])
+        if contamination is not None:
+            price = _spending(worth, price, count, room)
+        outside[priced] = _bought(worth, price, count)
+    for index, tail in enumerate(tails):
+        if tail.edge is not None:
+            outside[index] = tail.beyond_edge(max(0, room - int(outside.sum())))
+    numbers = iter(outside.reshape(-1, 2).tolist())
+    return [None if pair is None else _trim(pair, next(numbers), count) for pair in found]
 
 
-def _spending(tails: Sequence[_Tail], price: float, count: int, room: int) -> float:
+def _bought(worth: np.ndarray, price: float, count: int) -> np.ndarray:
+    """Return how many samples to leave outside at a price, for each tail: (t,).
+
+    Args:
+        worth: (t, r + 1) what leaving 0 to r samples outside is worth.
+        price: share of the samples that a worth of 1 costs.
+        count: number of samples.
+    """
+    shares = np.arange(worth.shape[1]) / count
+    # The first of equal values is the best of them, so equal samples stay together.
+    return np.argmax(price * worth - shares, axis=1)
+
+
+def _spending(worth: np.ndarray, price: float, count: int, room: int) -> float:
     """Return the largest price, to rounding, at which at most ``room`` samples are outside."""
 
     def is_affordable(price: float) -> bool:
-        return sum(tail.bought(price, count) for tail in tails) <= room
+        return int(_bought(worth, price, count).sum()) <= room
 
     # At a price of the share per feature it is, for no unit's range can be left outside twice.
-    low, high = price, float(max(count, 1)) ** 2
+    low, high = price, float(count) ** 2
     if is_affordable(high):
         return high
     for _ in range(_HALVINGS):
@@ -207,7 +214,7 @@ def _tails(unit: Unit, room: int, heedless: float | None) -> tuple[_Tail, _Tail]
     start, end = pair[0][0][0], pair[1][0][0]
     if start == end or max(-start, end) > LARGEST:
         return None
-    # A family's bound serves sectors, in which many empty ones say nothing of quantisation.
+    # Empty sectors are many equal values, which say nothing of quantisation.
     if not unit.is_family and not _is_continuous(lower):
         return None
     low, high = (

@@ -31,7 +31,9 @@ def space(members=4, **changes):
 def learned():
     rng = np.random.default_rng(1)
     values = np.column_stack([rng.normal(size=20000), sectors(rng, 20000)])
-    constraints = learn(values, np.zeros(20000), space(), rng=rng)
+    constraints = learn(
+        values, np.zeros(20000), space(), OCTreeSettings(contamination=0.01), rng=rng
+    )
     return values, constraints
 
 

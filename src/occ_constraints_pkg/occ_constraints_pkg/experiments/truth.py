@@ -4,9 +4,10 @@
 
 The true cost of the Safety-Gym tasks is known: a state is costly where it is too near a hazard.
 The learner never sees it. Demonstrations are drives of a world's expert; at the second level,
-drives of one who knows nothing of hazards are mixed in, the costliest first, until enough of the
+drives of one who pays no heed to hazards are mixed in, the costliest first, until enough of the
 samples are costly. The rules are judged on other drives of the heedless driver and of one with
-random actions.
+random actions. Heedless is a scripted driver that goes straight to the goal, or, where there is
+none, the expert with its hazard lidar covered up.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from occ_constraints_pkg.agents.drivers import find_driver
-from occ_constraints_pkg.agents.scripted import DRIVERS
+from occ_constraints_pkg.agents.scripted import DRIVERS, Driver
 from occ_constraints_pkg.bags.feature_map import FeatureMap, load_feature_map
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.experiments.conditions import machine, versions
@@ -127,14 +128,17 @@ class _Drives:
         self.world = world
         self.map: FeatureMap = load_feature_map(world)
         self.heedless_name = next(
-            name for name in ('straightv', 'straight', 'random') if name in DRIVERS[world]
+            (name for name in ('straightv', 'straight') if name in DRIVERS[world]), 'blind expert'
         )
         steps = make_world(world, 1).max_episode_steps + 1
         episodes = 2 * -(-samples // steps)
         rng = np.random.default_rng([seed, *world.encode()])
 
         def drive(name: str, count: int, number: int) -> tuple[np.ndarray, np.ndarray]:
-            driver = find_driver(make_world(world, 1), name, rng, explore=True)
+            one = make_world(world, 1)
+            driver = find_driver(one, name.removeprefix('blind '), rng, explore=True)
+            if name.startswith('blind '):
+                driver = _blinded(driver, [column.name for column in one.columns])
             return drive_states(world, driver, self.map, count, 10_000 * number + seed)
 
         self.expert = drive('expert', episodes, 1)
@@ -142,7 +146,7 @@ class _Drives:
         self.unseen = drive('expert', _JUDGED_EPISODES, 3)
         self.judged = {
             name: drive(name, _JUDGED_EPISODES, 4 + number)
-            for number, name in enumerate(dict.fromkeys((self.heedless_name, 'random')))
+            for number, name in enumerate((self.heedless_name, 'random'))
         }
 
     def line(
@@ -179,7 +183,7 @@ class _Drives:
             if safe.any()
             else float('nan'),
         }
-        for place, (states, truth) in zip(('', 'random_'), self.judged.values(), strict=False):
+        for place, (states, truth) in zip(('', 'random_'), self.judged.values(), strict=True):
             score = score_flags(_flags(rule_set, states), truth.ravel())
             row |= {f'{place}{name}': value for name, value in score.ratios().items()}
         return row
@@ -201,15 +205,27 @@ class _Drives:
                 picked = chosen[:number]
                 kept = drawn[: max(0, count - number)]
                 parts = [(values[kept], costly[kept]), (other[picked], other_costly[picked])]
-                if np.concatenate([part.ravel() for _, part in parts]).mean() >= share:
-                    break
-                if number >= count:
+                reached = np.concatenate([part.ravel() for _, part in parts]).mean()
+                following = chosen[min(number, len(chosen) - 1)]
+                if reached >= share or number >= count or other_costly[following].mean() < share:
                     break
         features = values.shape[-1]
         return (
             np.concatenate([part.reshape(-1, features) for part, _ in parts]).astype(np.float64),
             np.concatenate([part.ravel() for _, part in parts]),
         )
+
+
+def _blinded(driver: Driver, names: Sequence[str]) -> Driver:
+    """Return the driver with its hazard lidar covered up: it sees no hazard anywhere."""
+    hidden = [place for place, name in enumerate(names) if name.startswith('hazards_lidar')]
+
+    def drive(observation: np.ndarray) -> np.ndarray:
+        seen = observation.copy()
+        seen[:, hidden] = 0.0
+        return driver(seen)
+
+    return drive
 
 
 def _flags(rule_set: RuleSet, states: np.ndarray) -> np.ndarray:

@@ -17,6 +17,9 @@ from occ_constraints_pkg.learning.settings import OCTreeSettings
 
 # Attributes with larger values are left alone: a range or a bandwidth further out would overflow.
 LARGEST = 1e300
+# Bandwidths must be as many times the distance of neighbouring floating-point numbers: a grid has
+# up to 32 cells per bandwidth.
+_LEAST_RESOLUTION = 64
 # Steps between neighbouring values that are looked at in one go.
 _STEPS_AT_ONCE = 4096
 
@@ -108,12 +111,15 @@ def is_eligible(ordered: np.ndarray, h: float) -> bool:
 
     These are rules of local pre-pruning; rule 2 is kept by `octree`. Not when all values are
     equal, and not when the bandwidth is below the smallest step between distinct values: then the
-    data are quantised and a density makes no sense.
+    data are quantised and a density makes no sense. Far from 0 floating-point numbers themselves
+    are so.
 
     Args:
         ordered: (n,) ascending values.
         h: their bandwidth.
     """
+    if h < _LEAST_RESOLUTION * np.spacing(max(-ordered[0], ordered[-1])):
+        return False
     # One small enough step decides, and it is mostly among the first.
     for start in range(0, len(ordered) - 1, _STEPS_AT_ONCE):
         steps = np.diff(ordered[start : start + _STEPS_AT_ONCE + 1])

@@ -57,8 +57,8 @@ class OCTreeClassifier(OutlierMixin, BaseEstimator):
             until so many lie outside, as near as samples with equal margins allow. Those that
             bounds were learned from all have margin 0, and no bound moves where the aim falls
             among them.
-        most_outside: for ``'auto'``: the ``contamination`` of :class:`OCTreeSettings`, ``None`` to
-            estimate it.
+        most_outside: for ``'auto'``: the ``contamination`` of :class:`OCTreeSettings`; ``None``
+            to estimate it, which without families of features finds samples far out only.
         max_depth: this and the others: see :class:`OCTreeSettings`.
         clip: see there.
         gamma: see there.
@@ -93,7 +93,7 @@ class OCTreeClassifier(OutlierMixin, BaseEstimator):
         >>> detector.predict([[1.0, 0.0], [1.0, 1.5]])
         array([ 1, -1])
         >>> detector.decision_function([[1.0, 0.0], [1.0, 1.5]]).round(2)
-        array([ 0.4 , -0.02])
+        array([ 0.37, -0.06])
         >>> for rule in detector.rule_set_.rules:
         ...     print(rule.words(detector.rule_set_.space))
         x0 below 0.3787
@@ -106,7 +106,7 @@ class OCTreeClassifier(OutlierMixin, BaseEstimator):
         self,
         *,
         contamination: float | str = 'auto',
-        most_outside: float | None = None,
+        most_outside: float | None = 0.01,
         max_depth: int | None = 20,
         clip: str = 'mass',
         gamma: float = 0.05,

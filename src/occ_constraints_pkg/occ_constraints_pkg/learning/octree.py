@@ -13,7 +13,7 @@ from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.learning.division import Division, divide
 from occ_constraints_pkg.learning.settings import DEEPEST, OCTreeSettings
 from occ_constraints_pkg.learning.tree import Branch, Node
-from occ_constraints_pkg.learning.trimming import Trim, Unit, make_units, trim
+from occ_constraints_pkg.learning.trimming import Trim, Unit, make_units, most_outside, trim
 
 
 @dataclass
@@ -78,14 +78,18 @@ def fit_tree(
     samples = _checked(values)
     deepest = DEEPEST if settings.max_depth is None else settings.max_depth
     families = families if settings.clip == 'mass' else ()
-    if settings.clip == 'density' or settings.alpha > 0.0:
+    one_box = settings.clip == 'mass' and settings.alpha == 0.0
+    if one_box and not most_outside(len(samples), settings.contamination):
+        # Nothing may be cut. There may be very many features, so it is worth to say so here.
+        return Node()
+    if not one_box:
         # Column by column, for that is how the samples are read.
         samples = np.asfortranarray(samples)
     units = make_units(samples, families, limits)
     trims: list[Trim | None] | None = None
     if settings.clip == 'mass':
         trims = trim(units, settings.contamination)
-        if settings.alpha == 0.0:
+        if one_box:
             return _chain(units, trims, settings, deepest, progress)
     extent = np.stack([samples.min(axis=0), samples.max(axis=0)], axis=1)
     for unit in units:
@@ -185,7 +189,12 @@ def _split(
 
 
 def _checked(values: np.ndarray) -> np.ndarray:
-    samples = np.asarray(values, dtype=np.float64)
+    try:
+        if np.iscomplexobj(values):
+            raise TypeError('complex numbers')
+        samples = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise OccError(f'learning needs numbers, rows of equal length: {error}') from error
     if samples.ndim != 2 or not samples.size:
         raise OccError(f'learning needs samples of shape (n, k), got an array of {samples.shape}')
     # A sum tells at a glance; finite samples may have an infinite one.
@@ -246,9 +255,7 @@ def _chain(
     return tree
 
 
-def _shrunk(
-    unit: Unit, cut: Trim, inside: np.ndarray, outside: np.ndarray
-) -> tuple[float, float]:
+def _shrunk(unit: Unit, cut: Trim, inside: np.ndarray, outside: np.ndarray) -> tuple[float, float]:
     """Return the smallest and the largest value inside; bounds of ``cut`` lie on samples.
 
     Only where one of the few samples outside is at or within a bound is there anything to find.

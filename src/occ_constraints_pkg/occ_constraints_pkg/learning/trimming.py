@@ -96,6 +96,11 @@ def make_units(
     return sorted(units, key=lambda unit: unit.features)
 
 
+def most_outside(count: int, contamination: float | None) -> int:
+    """Return how many of ``count`` samples may lie outside."""
+    return int((MOST_ESTIMATED if contamination is None else contamination) * count)
+
+
 class _Tail(NamedTuple):
     """One side of a unit, from its extreme inward.
 
@@ -142,7 +147,7 @@ def trim(units: Sequence[Unit], contamination: float | None) -> list[Trim | None
     """
     share = MOST_ESTIMATED if contamination is None else contamination
     count = len(units[0].smallest)
-    room = int(share * count)
+    room = most_outside(count, contamination)
     found = [_tails(unit, room, share if contamination is None else None) for unit in units]
     tails = [tail for pair in found if pair is not None for tail in pair]
     price = share / sum(len(unit.features) for unit in units)

@@ -15,7 +15,6 @@ from occ_constraints_pkg.learning.division import (
 )
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from scipy.stats import norm
-from strategies import samples
 
 
 def three_modes():

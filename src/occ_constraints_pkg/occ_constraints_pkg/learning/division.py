@@ -68,10 +68,8 @@ def divide(
     if not is_eligible(ordered, h):
         return None
     density = estimate(ordered, h)
-    if kept is None:
-        pieces = clip(density, settings.gamma * float(density.values.max()))
-    else:
-        pieces = [kept]
+    level = settings.gamma * float(density.values.max())
+    pieces = clip(density, level) if kept is None else [kept]
     pieces = revise(density, pieces, settings.alpha)
     intervals, counts = assess_and_shrink(ordered, pieces, settings.beta * total)
     if not len(intervals) or (len(intervals) == 1 and tuple(intervals[0]) == extent):

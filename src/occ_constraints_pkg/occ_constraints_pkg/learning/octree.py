@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.learning.division import Division, divide
+from occ_constraints_pkg.learning.division import Division, divide, divide_family
 from occ_constraints_pkg.learning.settings import DEEPEST, OCTreeSettings
 from occ_constraints_pkg.learning.tree import Branch, Node
 from occ_constraints_pkg.learning.trimming import Trim, Unit, make_units, most_outside, trim

@@ -23,8 +23,8 @@ def run(seconds: float = 30.0) -> dict[str, Any]:
     """Time fits, by turns, so that a change of the machine's load meets both.
 
     Ours cuts ten features with a stated share outside; with an estimated one hardly anything of
-    such even samples is cut. All run in one thread, and the times are processor times. The forest fits and scores, for its
-    fit alone looks at 256 samples of each tree only.
+    such even samples is cut. All run in one thread, and the times are processor times. The forest
+    fits and scores, for its fit alone looks at 256 samples of each tree only.
 
     Args:
         seconds: after this time no round is begun, but there are at least two.

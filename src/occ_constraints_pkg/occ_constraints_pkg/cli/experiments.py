@@ -172,3 +172,38 @@ def worlds(output: str, episodes: int, data: str | None, as_json: bool) -> None:
         print_json(result)
         return
     click.echo(table)
+
+
+@experiment.command()
+@click.option('-o', '--output', default='results', show_default=True, type=click.Path())
+@click.option(
+    '--samples', default=100_000, show_default=True, help='Most samples to learn from, per line.'
+)
+@click.option('--draws', default=5, show_default=True, help='Random draws per line.')
+@click.option('--seed', default=0, type=click.IntRange(min=0), show_default=True)
+@click.option('--world', 'worlds', multiple=True, help='Run only this world; may be repeated.')
+@JSON
+def truth(
+    output: str, samples: int, draws: int, seed: int, worlds: tuple[str, ...], as_json: bool
+) -> None:
+    """Learn from experts whose true cost is known, and compare; writes truth.json, .md and .png.
+
+    A stopped run goes on where it was.
+
+    \b
+    Example: occ experiment truth --world PointGoal1 -o results
+    """
+    module = import_needed('occ experiment', 'occ_constraints_pkg.experiments.truth')
+    with progress_bar('lines') as progress:
+        result = module.run_truth(
+            Path(output),
+            samples=samples,
+            draws=draws,
+            seed=seed,
+            names=worlds,
+            progress=progress,
+        )
+    if as_json:
+        print_json(result)
+        return
+    click.echo((Path(output) / 'truth.md').read_text(encoding='utf-8'))

@@ -37,9 +37,9 @@ from occ_constraints_pkg.report.rules import describe_rules
 )
 @click.option(
     '--contamination',
+    type=float,
     default=OCTreeSettings.contamination,
-    show_default=True,
-    help='With mass: share of the demonstrated samples that may lie outside.',
+    help='With mass: share of the demonstrated samples that may lie outside; estimated if absent.',
 )
 @click.option(
     '--gamma',
@@ -79,7 +79,7 @@ def learn(
     output: str,
     depth: int,
     clip: str,
-    contamination: float,
+    contamination: float | None,
     gamma: float,
     alpha: float,
     full_conditions: bool,

@@ -57,7 +57,8 @@ class OCTreeClassifier(OutlierMixin, BaseEstimator):
             until so many lie outside, as near as samples with equal margins allow. Those that
             bounds were learned from all have margin 0, and no bound moves where the aim falls
             among them.
-        most_outside: for ``'auto'``: the ``contamination`` of :class:`OCTreeSettings`.
+        most_outside: for ``'auto'``: the ``contamination`` of :class:`OCTreeSettings`; ``None``
+            to estimate it, which without families of features finds samples far out only.
         max_depth: this and the others: see :class:`OCTreeSettings`.
         clip: see there.
         gamma: see there.
@@ -92,7 +93,7 @@ class OCTreeClassifier(OutlierMixin, BaseEstimator):
         >>> detector.predict([[1.0, 0.0], [1.0, 1.5]])
         array([ 1, -1])
         >>> detector.decision_function([[1.0, 0.0], [1.0, 1.5]]).round(2)
-        array([ 0.4 , -0.02])
+        array([ 0.37, -0.06])
         >>> for rule in detector.rule_set_.rules:
         ...     print(rule.words(detector.rule_set_.space))
         x0 below 0.3787
@@ -105,7 +106,7 @@ class OCTreeClassifier(OutlierMixin, BaseEstimator):
         self,
         *,
         contamination: float | str = 'auto',
-        most_outside: float = 0.01,
+        most_outside: float | None = 0.01,
         max_depth: int | None = 20,
         clip: str = 'mass',
         gamma: float = 0.05,
@@ -182,8 +183,10 @@ class OCTreeClassifier(OutlierMixin, BaseEstimator):
     def _settings(self) -> OCTreeSettings:
         own = self.get_params()
         share, outside = own.pop('contamination'), own.pop('most_outside')
-        if not 0.0 <= outside < 1.0:
-            raise ValueError(f'most_outside is {outside}; allowed is 0 <= most_outside < 1')
+        if outside is not None and not 0.0 <= outside < 1.0:
+            raise ValueError(
+                f'most_outside is {outside}; allowed are None and 0 <= most_outside < 1'
+            )
         if isinstance(share, str):
             if share != 'auto':
                 raise ValueError(f"contamination is {share!r}; allowed are 'auto' and a number")

@@ -83,7 +83,8 @@ def learn(
         chosen = rng.choice(names, size=count, replace=False)
         held_out = np.isin(episodes, chosen)
     training = rows[~held_out]
-    tree = fit_tree(training, settings, families=space.families, progress=progress)
+    limits = np.stack([space.lows, space.highs], axis=1)
+    tree = fit_tree(training, settings, families=space.families, limits=limits, progress=progress)
     demonstrated = np.stack([training.min(axis=0), training.max(axis=0)], axis=1)
     if settings.clip == 'mass':
         for family in map(list, space.families):

@@ -48,10 +48,18 @@ class TreeLearner(OccNode):
                 field.name, getattr(defaults, field.name), 'see docs/method.md'
             )
             for field in fields(defaults)
-            if field.name not in ('max_depth', 'nu')
+            if field.name not in ('max_depth', 'nu', 'contamination')
         }
+        share = self.parameter(
+            'contamination', -1.0, 'share of samples that may lie outside; below 0: estimated'
+        )
         nu = self.parameter('nu', 1.0, 'share of samples that may lie outside; 1: any', high=1.0)
-        self._settings = OCTreeSettings(max_depth=depth, nu=None if nu >= 1.0 else nu, **chosen)
+        self._settings = OCTreeSettings(
+            max_depth=depth,
+            nu=None if nu >= 1.0 else nu,
+            contamination=None if share < 0.0 else share,
+            **chosen,
+        )
         if not name:
             raise OccError(
                 "parameter 'feature_map' of node 'tree_learner' is missing; "

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.learning.learn import learn
 from occ_constraints_pkg.learning.settings import OCTreeSettings
+from occ_constraints_pkg.learning.simplification import size
 from occ_constraints_pkg.rules import Feature, FeatureSpace, Verdict
 from occ_constraints_pkg.rules.constraints_file import parse_constraints
 from strategies import fit_settings, samples
@@ -93,7 +94,15 @@ def test_what_was_learned_is_all_in_the_file():
     read = parse_constraints(learned.dumps(), 'text')
     assert not read.is_edited
     assert read.rule_set.rules == learned.rule_set.rules
-    assert read.learner == {**vars(options), 'unusable_samples': 0}
+    assert read.learner == {
+        **vars(options),
+        'unusable_samples': 0,
+        'extracted_rules': learned.learner['extracted_rules'],
+        'extracted_literals': learned.learner['extracted_literals'],
+    }
+    rules, literals = size(read.rule_set)
+    assert rules <= learned.learner['extracted_rules']
+    assert literals <= learned.learner['extracted_literals']
     assert read.feature_map == {'pace': 'odom'}
     assert read.provenance['bags'] == [{'name': 'a', 'messages': 3}]
     assert read.coverage == learned.coverage

@@ -98,6 +98,7 @@ def learn(
     from occ_constraints_pkg.bags.demonstrations import learn_from_recordings, learn_from_tables
     from occ_constraints_pkg.bags.feature_map import load_feature_map
     from occ_constraints_pkg.bags.table_files import are_table_files
+    from occ_constraints_pkg.learning.simplification import size
     from occ_constraints_pkg.rules.constraints_file import save_learned
 
     settings = OCTreeSettings(
@@ -125,12 +126,28 @@ def learn(
             )
     save_learned(constraints, output, overwrite=overwrite)
     coverage = constraints.coverage
+    rules, literals = size(constraints.rule_set)
+    extracted_rules = constraints.learner['extracted_rules']
+    extracted_literals = constraints.learner['extracted_literals']
     if as_json:
-        print_json({'output': output, 'rules': len(constraints.rule_set.rules), **coverage})
+        print_json(
+            {
+                'output': output,
+                'rules': rules,
+                'literals': literals,
+                'extracted_rules': extracted_rules,
+                'extracted_literals': extracted_literals,
+                **coverage,
+            }
+        )
         return
     click.echo(describe_rules(constraints))
     click.echo(
-        f'\nInside the safe set: {coverage["training"]:.2%} of '
+        f'\nSimplified from {extracted_rules} rules with {extracted_literals} literals '
+        f'to {rules} with {literals}'
+    )
+    click.echo(
+        f'Inside the safe set: {coverage["training"]:.2%} of '
         f'{coverage["training_samples"]} training samples'
         + (
             ''

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Commands on a constraints file: ``occ show``, ``check``, ``score`` and ``prune``."""
+"""Commands on a constraints file: ``occ show``, ``check``, ``score``, ``prune``, ``simplify``."""
 
 from __future__ import annotations
 
@@ -172,3 +172,55 @@ def prune(constraints: str, threshold: float, output: str | None, as_json: bool)
         return
     click.echo(describe_rules(pruned, counters=True))
     click.echo(f'{len(result.pruned)} rules disabled; written to {target}')
+
+
+@click.command()
+@click.argument('constraints', type=click.Path())
+@click.option('-o', '--output', type=click.Path(), help='File to write; default: in place.')
+@click.option(
+    '--counted', is_flag=True, help='Also rules with counters; those that change begin at 0.'
+)
+@JSON
+def simplify(constraints: str, output: str | None, counted: bool, as_json: bool) -> None:
+    """Make rules fewer and shorter without changing a verdict.
+
+    Drops what is implied, merges neighbours, removes what other rules contain. Rules that are
+    disabled, have a note, or have counters stay as they are. `occ learn` does this by itself; the
+    command is for files that were edited or written by hand.
+
+    \b
+    Example: occ simplify constraints.yaml -o shorter.yaml
+    """
+    from occ_constraints_pkg.learning.simplification import simplify as simplify_rules
+    from occ_constraints_pkg.rules.constraints_file import load_constraints
+
+    loaded = load_constraints(constraints)
+    result = simplify_rules(loaded.rule_set, counted_too=counted)
+    simpler = loaded.with_equal_rules(result.rule_set)
+    target = output or constraints
+    simpler.save(target)
+    if as_json:
+        print_json(
+            {
+                'output': target,
+                **dict(zip(('rules_before', 'literals_before'), result.before, strict=True)),
+                **dict(zip(('rules', 'literals'), result.after, strict=True)),
+                'changed': {name: list(former) for name, former in result.changed.items()},
+                'removed': list(result.removed),
+                'kept': list(result.kept),
+            }
+        )
+        return
+    click.echo(describe_rules(simpler))
+    click.echo()
+    for name, former in result.changed.items():
+        click.echo(f'{name} stands for {", ".join(former)}')
+    if result.removed:
+        click.echo(f'needed no more: {", ".join(result.removed)}')
+    if result.kept:
+        click.echo(f'left alone for their note or counters: {", ".join(result.kept)}')
+    click.echo(
+        '{} rules with {} literals before, '.format(*result.before)
+        + '{} with {} after; '.format(*result.after)
+        + f'written to {target}'
+    )

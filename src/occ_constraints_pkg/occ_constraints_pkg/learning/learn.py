@@ -13,9 +13,9 @@ import numpy as np
 
 import occ_constraints_pkg
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.learning.extraction import extract_rules
 from occ_constraints_pkg.learning.octree import fit_tree
 from occ_constraints_pkg.learning.settings import OCTreeSettings
+from occ_constraints_pkg.learning.simplification import extract_and_simplify
 from occ_constraints_pkg.learning.tree import Node
 from occ_constraints_pkg.rules.constraints_file import Constraints
 from occ_constraints_pkg.rules.ruleset import RuleSet
@@ -88,7 +88,10 @@ def learn(
     if settings.clip == 'mass':
         for family in map(list, space.families):
             demonstrated[family] = demonstrated[family, 0].min(), demonstrated[family, 1].max()
-    rule_set = extract_rules(tree, space, demonstrated, full_conditions=settings.full_conditions)
+    formula = extract_and_simplify(
+        tree, space, demonstrated, full_conditions=settings.full_conditions
+    )
+    rule_set = formula.rule_set
     coverage = {
         'training_samples': len(training),
         'training': _covered(rule_set, training),
@@ -106,7 +109,12 @@ def learn(
         rule_set,
         feature_map,
         tree_document(tree, space),
-        {**asdict(settings), 'unusable_samples': int((~usable).sum())},
+        {
+            **asdict(settings),
+            'unusable_samples': int((~usable).sum()),
+            'extracted_rules': formula.before[0],
+            'extracted_literals': formula.before[1],
+        },
         coverage,
         provenance,
     )

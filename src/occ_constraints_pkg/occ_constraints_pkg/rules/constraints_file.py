@@ -66,6 +66,13 @@ class Constraints:
         """Return the same file with another rule set over the same features."""
         return replace(self, rule_set=rule_set)
 
+    def with_equal_rules(self, rule_set: RuleSet) -> Constraints:
+        """Return the same file with rules that mean the same, which is not an edit."""
+        provenance = self.provenance
+        if provenance.get('learned_formula') == self.rule_set.fingerprint:
+            provenance = {**provenance, 'learned_formula': rule_set.fingerprint}
+        return replace(self, rule_set=rule_set, provenance=provenance)
+
     def dumps(self) -> str:
         """Return the YAML text; every float is written so that it reads back bit for bit."""
         space = self.rule_set.space

@@ -85,7 +85,7 @@ class Rule:
         Two literals that enclose one feature are told as a range, with more digits where four
         would not tell its ends apart; of several on one side the tightest is told.
         """
-        lower, upper = self._tightest()
+        lower, upper = self.tightest()
         parts = []
         for feature in dict.fromkeys(literal.feature for literal in self.literals):
             name, unit = space.names[feature], space.features[feature].unit
@@ -107,7 +107,7 @@ class Rule:
     @property
     def is_contradictory(self) -> bool:
         """Whether two literals exclude each other, so that the rule can never be true."""
-        lower, upper = self._tightest()
+        lower, upper = self.tightest()
         for feature in lower.keys() & upper.keys():
             low, high = lower[feature], upper[feature]
             both_closed = low.operator == '>=' and high.operator == '<='
@@ -115,8 +115,8 @@ class Rule:
                 return True
         return False
 
-    def _tightest(self) -> tuple[dict[int, Literal], dict[int, Literal]]:
-        """Return the tightest lower and the tightest upper literal of each feature."""
+    def tightest(self) -> tuple[dict[int, Literal], dict[int, Literal]]:
+        """Return the tightest lower and the tightest upper literal of each feature, by feature."""
         # Sorted so that the tightest comes last and stays: at equal bounds the strict one.
         lower = sorted(
             (item for item in self.literals if not item.is_upper),

@@ -11,6 +11,9 @@ import numpy as np
 
 from occ_constraints_pkg.errors import OccError
 
+# When a row's pace message was recorded, and which row of that message it is.
+ORIGIN = np.dtype([('time_ns', np.int64), ('row', np.int32)])
+
 
 @dataclass(frozen=True, eq=False)
 class Dataset:
@@ -27,6 +30,8 @@ class Dataset:
         sources: :meth:`Recording.fingerprint` of each recording; of a table file ``name``,
             ``sha256`` and ``rows``.
         warnings: one sentence for each thing that was missing or damaged in a recording.
+        source_episodes: the first episode of each source; episodes count on from source to source.
+        origins: (n,) of :data:`ORIGIN`; None for tables.
 
     Raises:
         OccError: the shapes do not fit together.
@@ -39,11 +44,13 @@ class Dataset:
     true_cost: np.ndarray | None = None
     sources: tuple[dict[str, Any], ...] = ()
     warnings: tuple[str, ...] = ()
+    source_episodes: tuple[int, ...] = (0,)
+    origins: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         rows = len(self.stamps_ns)
         columns = [self.stamps_ns, self.episodes]
-        columns += [] if self.true_cost is None else [self.true_cost]
+        columns += [column for column in (self.true_cost, self.origins) if column is not None]
         if self.values.shape != (rows, len(self.names)) or any(c.shape != (rows,) for c in columns):
             raise OccError(
                 f'a dataset of {len(self.names)} features and {rows} stamps got values of shape '
@@ -56,13 +63,31 @@ class Dataset:
     def select(self, rows: np.ndarray) -> Dataset:
         """Return the rows of a (n,) bool mask, or of an array of row numbers."""
         cost = None if self.true_cost is None else self.true_cost[rows]
+        origins = None if self.origins is None else self.origins[rows]
         return replace(
             self,
             values=self.values[rows],
             stamps_ns=self.stamps_ns[rows],
             episodes=self.episodes[rows],
             true_cost=cost,
+            origins=origins,
         )
+
+    def origin(self, row: int) -> dict[str, int]:
+        """Return where a row came from, as plain values.
+
+        ``source`` is a position in :attr:`sources`. Of a table file there is ``row``, its number
+        in the file, from 0. Of a recording there are ``time_ns``, when the pace message was
+        recorded, and ``row``, which row of the message it is.
+        """
+        source = int(np.searchsorted(self.source_episodes, self.episodes[row], side='right')) - 1
+        if self.origins is None:
+            return {'source': source, 'row': int(self.stamps_ns[row])}
+        return {
+            'source': source,
+            'time_ns': int(self.origins['time_ns'][row]),
+            'row': int(self.origins['row'][row]),
+        }
 
     def split_episodes(self, rng: np.random.Generator, share: float) -> tuple[Dataset, Dataset]:
         """Split at random into two parts that share no episode.

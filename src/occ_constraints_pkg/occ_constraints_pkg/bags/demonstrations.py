@@ -50,6 +50,7 @@ def learn_from_recordings(
         rng=rng,
         feature_map=feature_map.to_document(),
         bags=data.sources,
+        origin=data.origin,
     )
     _pass_on(data, constraints, warn)
     return constraints
@@ -85,6 +86,7 @@ def learn_from_tables(
         rng=rng,
         feature_map=None if feature_map is None else feature_map.to_document(),
         bags=data.sources,
+        origin=data.origin,
     )
     _pass_on(data, constraints, warn)
     return constraints

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from occ_constraints_pkg.bags.dataset import Dataset
+from occ_constraints_pkg.bags.dataset import ORIGIN, Dataset
 from occ_constraints_pkg.bags.feature_map import FeatureMap, FeatureSource, topic_key
 from occ_constraints_pkg.bags.fields import FieldReader
 from occ_constraints_pkg.bags.recording import RawMessage, Recording
@@ -213,7 +213,7 @@ def extract(
         for recording, topics in zip(recordings, wanted, strict=True)
         for topic in topics.values()
     )
-    done, parts, episodes = 0, [], 0
+    done, parts, episodes, first_episodes = 0, [], 0, []
     for recording, topics in zip(recordings, wanted, strict=True):
         part = _Part()
         extractor = FeatureExtractor(feature_map)
@@ -232,12 +232,13 @@ def extract(
             latest.clear()
             rows = extractor.push(raw.topic, recording.decode(raw), raw.log_time_ns)
             if not rows.repeat:
-                part.add(rows)
+                part.add(rows, raw.log_time_ns)
         if not part.values:
             raise OccError(
                 f'{recording.path} has no message on {pace!r}, which sets the pace; '
                 'allowed is one or more'
             )
+        first_episodes.append(episodes)
         episodes += part.number_episodes(episodes, str(recording.path))
         parts.append(part)
     costs = [cost for part in parts for cost in part.costs]
@@ -249,6 +250,8 @@ def extract(
         true_cost=np.concatenate(costs) if any(part.has_cost for part in parts) else None,
         sources=tuple(recording.fingerprint() for recording in recordings),
         warnings=tuple(text for recording in recordings for text in recording.warnings),
+        source_episodes=tuple(first_episodes),
+        origins=np.concatenate([origins for part in parts for origins in part.origins]),
     )
 
 
@@ -259,13 +262,17 @@ class _Part:
         self.values: list[np.ndarray] = []
         self.stamps: list[np.ndarray] = []
         self.costs: list[np.ndarray] = []
+        self.origins: list[np.ndarray] = []
         self.episodes = np.empty(0, dtype=np.int64)
         self.has_cost = False
         self._robots: list[np.ndarray] = []
         self._numbers: list[np.ndarray] = []
 
-    def add(self, rows: FeatureRows) -> None:
+    def add(self, rows: FeatureRows, time_ns: int) -> None:
         count = len(rows.values)
+        origins = np.empty(count, dtype=ORIGIN)
+        origins['time_ns'], origins['row'] = time_ns, np.arange(count)
+        self.origins.append(origins)
         columns = () if rows.table is None else rows.table.names
         self.values.append(rows.values)
         self.stamps.append(np.full(count, rows.stamp_ns, dtype=np.int64))

@@ -89,7 +89,7 @@ def read_tables(
         OccError: a file cannot be read, lacks a feature, holds text where a number should be, has
             no rows, or states another unit than ``space``.
     """
-    episodes, contents = [], []
+    episodes, first_episodes, contents = [], [], []
     for path in map(Path, paths):
         content = _read(path, None if space is None else space.names)
         if not len(content.values):
@@ -102,6 +102,7 @@ def read_tables(
             raise OccError(f'{path} has values that are not finite in the column {_EPISODE!r}')
         unique, inverse = np.unique(numbers, return_inverse=True)
         first = 0 if not episodes else int(episodes[-1].max()) + 1
+        first_episodes.append(first)
         episodes.append(inverse.reshape(-1).astype(np.int64) + first)
     if space is None:
         raise OccError('there are no tables to read; allowed are one or more')
@@ -123,6 +124,7 @@ def read_tables(
             {'name': Path(path).name, 'sha256': _sha256(Path(path)), 'rows': count}
             for path, count in zip(paths, counts, strict=True)
         ),
+        source_episodes=tuple(first_episodes),
     )
     return data, space
 

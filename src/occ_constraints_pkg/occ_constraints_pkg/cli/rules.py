@@ -8,22 +8,32 @@ import click
 
 from occ_constraints_pkg.cli.common import DATA, JSON, number, print_json, read_data, warn
 from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.report.evidence import describe_why, why_document
 from occ_constraints_pkg.report.rules import describe_rules
 
 
 @click.command()
 @click.argument('constraints', type=click.Path())
+@click.option('--why', metavar='RULE', help='Show which demonstrations this rule rests on.')
 @JSON
-def show(constraints: str, as_json: bool) -> None:
-    """Print the rules of a constraints file in words.
+def show(constraints: str, why: str | None, as_json: bool) -> None:
+    """Print the rules of a constraints file in words, or why one of them is there.
 
     \b
     Example: occ show constraints.yaml
+             occ show --why R4def0 constraints.yaml
     """
     from occ_constraints_pkg.rules.constraints_file import load_constraints
 
     loaded = load_constraints(constraints)
     rule_set = loaded.rule_set
+    if why is not None:
+        document = why_document(loaded, why)
+        if as_json:
+            print_json(document)
+        else:
+            click.echo(describe_why(document))
+        return
     if as_json:
         rules = [
             {

@@ -37,12 +37,7 @@ class Box:
     @classmethod
     def of(cls, rule: Rule, position: int, *, fixed: bool) -> Box:
         """Return the box of a rule; of several literals for one end, the tightest counts."""
-        lower, upper = rule.tightest()
-        ends = {}
-        for feature in dict.fromkeys(item.feature for item in rule.literals):
-            for is_upper, tightest in ((False, lower), (True, upper)):
-                if feature in tightest:
-                    ends[feature, is_upper] = tightest[feature]
+        ends = {(item.feature, item.is_upper): item for item in rule.tightest_literals}
         return cls([position], ends, fixed)
 
     @property

@@ -43,6 +43,8 @@ class Constraints:
         learner: the learner's settings.
         coverage: shares of training and held-out samples inside the safe set.
         provenance: package version, time, bags with their hashes.
+        evidence: which demonstrations support each bound, as learned (see
+            ``learning.evidence_document``).
     """
 
     rule_set: RuleSet
@@ -51,6 +53,7 @@ class Constraints:
     learner: Mapping[str, Any] = field(default_factory=dict)
     coverage: Mapping[str, Any] = field(default_factory=dict)
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    evidence: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def is_edited(self) -> bool:
@@ -88,7 +91,7 @@ class Constraints:
             for feature, (low, high) in zip(space.features, self.rule_set.demonstrated, strict=True)
         ]
         document['rules'] = [_rule_document(rule, space) for rule in self.rule_set.rules]
-        for key in ('feature_map', 'tree', 'learner', 'coverage', 'provenance'):
+        for key in ('feature_map', 'tree', 'learner', 'coverage', 'provenance', 'evidence'):
             value = getattr(self, key)
             # An empty tree is a lone leaf, which is not the same as no tree.
             if value or (key == 'tree' and value is not None):
@@ -170,6 +173,7 @@ def parse_constraints(text: str, where: str) -> Constraints:
         document.get('learner', {}),
         document.get('coverage', {}),
         document.get('provenance', {}),
+        document.get('evidence', {}),
     )
 
 

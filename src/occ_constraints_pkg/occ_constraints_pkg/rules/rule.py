@@ -5,12 +5,16 @@
 from __future__ import annotations
 
 import math
+import operator
 from dataclasses import dataclass
+
+import numpy as np
 
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.rules.space import FeatureSpace
 
 OPERATORS = ('<', '<=', '>', '>=')
+_COMPARE = {'<': operator.lt, '<=': operator.le, '>': operator.gt, '>=': operator.ge}
 
 
 @dataclass(frozen=True)
@@ -46,6 +50,10 @@ class Literal:
     def text(self, space: FeatureSpace) -> str:
         """Return the literal in symbols with the exact bound, for example ``v_x > 1.46``."""
         return f'{space.names[self.feature]} {self.operator} {float(self.bound)!r}'
+
+    def holds(self, values: np.ndarray) -> np.ndarray:
+        """Tell for each value (n,) of the feature whether it makes the literal true: (n,) bool."""
+        return _COMPARE[self.operator](values, self.bound)
 
 
 @dataclass(frozen=True)
@@ -85,7 +93,7 @@ class Rule:
         Two literals that enclose one feature are told as a range, with more digits where four
         would not tell its ends apart; of several on one side the tightest is told.
         """
-        lower, upper = self.tightest()
+        lower, upper = self._tightest()
         parts = []
         for feature in dict.fromkeys(literal.feature for literal in self.literals):
             name, unit = space.names[feature], space.features[feature].unit
@@ -105,9 +113,20 @@ class Rule:
         return ' and '.join(parts)
 
     @property
+    def tightest_literals(self) -> tuple[Literal, ...]:
+        """The literals that matter: of several on one side of a feature only the tightest."""
+        lower, upper = self._tightest()
+        return tuple(
+            literal
+            for feature in dict.fromkeys(item.feature for item in self.literals)
+            for literal in (lower.get(feature), upper.get(feature))
+            if literal is not None
+        )
+
+    @property
     def is_contradictory(self) -> bool:
         """Whether two literals exclude each other, so that the rule can never be true."""
-        lower, upper = self.tightest()
+        lower, upper = self._tightest()
         for feature in lower.keys() & upper.keys():
             low, high = lower[feature], upper[feature]
             both_closed = low.operator == '>=' and high.operator == '<='
@@ -115,8 +134,8 @@ class Rule:
                 return True
         return False
 
-    def tightest(self) -> tuple[dict[int, Literal], dict[int, Literal]]:
-        """Return the tightest lower and the tightest upper literal of each feature, by feature."""
+    def _tightest(self) -> tuple[dict[int, Literal], dict[int, Literal]]:
+        """Return the tightest lower and the tightest upper literal of each feature."""
         # Sorted so that the tightest comes last and stays: at equal bounds the strict one.
         lower = sorted(
             (item for item in self.literals if not item.is_upper),

@@ -6,8 +6,15 @@ from __future__ import annotations
 
 import click
 
-from occ_constraints_pkg.cli.common import DATA, JSON, number, print_json, read_data, warn
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.cli.common import (
+    DATA,
+    JSON,
+    needed_cost,
+    number,
+    print_json,
+    read_data,
+    warn,
+)
 from occ_constraints_pkg.report.evidence import describe_why, why_document
 from occ_constraints_pkg.report.rules import describe_rules
 
@@ -129,12 +136,7 @@ def score(constraints: str, paths: tuple[str, ...], min_f1: float | None, as_jso
 
     loaded = load_constraints(constraints)
     data = read_data(paths, loaded, constraints)
-    if data.true_cost is None:
-        raise OccError(
-            f'{", ".join(paths)}: no true cost to score on; needed is a column true_cost in the '
-            'pace topic of a recording, or cost or true_cost in a table'
-        )
-    result = score_rules(loaded.rule_set, data.values, data.true_cost)
+    result = score_rules(loaded.rule_set, data.values, needed_cost(data, paths))
     if as_json:
         print_json(score_document(result, loaded.rule_set.space))
     else:

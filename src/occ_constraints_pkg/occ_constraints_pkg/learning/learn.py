@@ -62,7 +62,7 @@ def learn(
     settings = settings if settings is not None else OCTreeSettings()
     samples = divide_samples(values, episodes, space, rng=rng, held_out_share=held_out_share)
     training = samples.training
-    tree = fit_tree(training, settings, families=space.families, progress=progress)
+    tree = grow(training, space, settings, progress=progress)
     demonstrated = samples.demonstrated(space, settings)
     formula = extract_and_simplify(
         tree, space, demonstrated, full_conditions=settings.full_conditions
@@ -113,6 +113,17 @@ def tree_document(node: Node, space: FeatureSpace) -> dict[str, Any]:
         below = tree_document(branch.node, space)
         branches.append({**item, 'below': below} if below else item)
     return {'split': space.names[node.feature], 'branches': branches}
+
+
+def grow(
+    training: np.ndarray,
+    space: FeatureSpace,
+    settings: OCTreeSettings,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> Node:
+    """Return the tree that (n, k) usable samples of a feature space give."""
+    return fit_tree(training, settings, families=space.families, progress=progress)
 
 
 def is_safe(rule_set: RuleSet, rows: np.ndarray) -> np.ndarray:

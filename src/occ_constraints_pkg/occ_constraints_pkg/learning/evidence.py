@@ -45,7 +45,7 @@ class RuleEvidence:
 
     Attributes:
         rule: the rule.
-        flagged: demonstrated samples on which it is true: they were taken for outliers.
+        flagged: training samples on which it is true: they were taken for outliers.
         literals: the evidence for each of its literals, in order.
     """
 

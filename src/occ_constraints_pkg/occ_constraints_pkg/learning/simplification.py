@@ -62,8 +62,8 @@ def simplify(
     counters are neither changed nor removed. (Enabled ones still make others redundant.) A rule
     that does not change keeps its id, and so does one whose id is not derived from its literals.
 
-    The effort grows with the square of the number of literals in rules of several features:
-    2000 rules take about a second.
+    The effort grows with the square of the number of literals in rules of several features;
+    thousands of rules are no burden.
 
     Args:
         rule_set: learned, edited, or written by hand.

@@ -73,10 +73,9 @@ def describe_why(document: Mapping[str, Any]) -> str:
     if document['missing']:
         return '\n'.join([*lines, f'no evidence: {document["missing"]}'])
     lines.append(
-        f'{document["flagged"]} demonstrated samples lie beyond its bounds and were taken for '
-        'outliers'
+        f'{document["flagged"]} training samples lie beyond its bounds and were taken for outliers'
         if document['flagged']
-        else 'no demonstrated sample lies beyond its bounds'
+        else 'no training sample lies beyond its bounds'
     )
     for literal in document['literals']:
         lines.append(f'  {literal["text"]}: {_describe_support(literal, document["near"])}')

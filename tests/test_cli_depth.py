@@ -8,21 +8,6 @@ import struct
 import numpy as np
 import pytest
 from made_bags import write_drive
-from occ_constraints_pkg.cli import main
-
-
-@pytest.fixture
-def occ(tmp_path, monkeypatch, capsys):
-    """Return a function that runs ``occ`` in an empty folder: exit code, stdout, stderr."""
-    monkeypatch.chdir(tmp_path)
-
-    def run(line):
-        capsys.readouterr()
-        code = main(line.split())
-        out, err = capsys.readouterr()
-        return code, out, err
-
-    return run
 
 
 def test_bags_scored_on_another_bag(occ, tmp_path):

@@ -5,9 +5,7 @@
 import json
 
 import numpy as np
-import pytest
 from made_bags import write_drive
-from occ_constraints_pkg.cli import main
 from occ_constraints_pkg.rules.constraints_file import load_constraints
 
 TEXT = """\
@@ -40,22 +38,8 @@ rules:
 """
 
 
-@pytest.fixture
-def occ(tmp_path, monkeypatch, capsys):
-    """Return a function that runs ``occ`` in a folder with a file: exit code, stdout, stderr."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / 'mine.yaml').write_text(TEXT)
-
-    def run(line):
-        capsys.readouterr()
-        code = main(line.split())
-        out, err = capsys.readouterr()
-        return code, out, err
-
-    return run
-
-
 def test_a_hand_written_file_is_simplified(occ, tmp_path):
+    (tmp_path / 'mine.yaml').write_text(TEXT)
     code, out, err = occ('simplify mine.yaml -o short.yaml --json')
     assert (code, err) == (0, '')
     assert json.loads(out) == {

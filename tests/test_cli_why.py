@@ -10,22 +10,7 @@ import pytest
 from made_bags import write_drive
 from occ_constraints_pkg.bags.recording import Recording
 from occ_constraints_pkg.bags.table import Table
-from occ_constraints_pkg.cli import main
 from occ_constraints_pkg.rules.constraints_file import load_constraints
-
-
-@pytest.fixture
-def occ(tmp_path, monkeypatch, capsys):
-    """Return a function that runs ``occ`` in an empty folder: exit code, stdout, stderr."""
-    monkeypatch.chdir(tmp_path)
-
-    def run(line):
-        capsys.readouterr()
-        code = main(line.split())
-        out, err = capsys.readouterr()
-        return code, out, err
-
-    return run
 
 
 def why(occ, rule, file='constraints.yaml'):

@@ -172,3 +172,21 @@ def test_learning_copes_with_any_columns(values, options, episodes):
 def test_what_cannot_be_learned_from(values, share, sentence):
     with pytest.raises(OccError, match=sentence):
         learn_plane(values, np.zeros(len(values)), held_out_share=share)
+
+
+def test_a_very_long_formula_is_learned_without_evidence():
+    values = np.random.default_rng(0).random((30, 1100))
+    space = FeatureSpace(tuple(Feature(f'x{index}') for index in range(1100)))
+    rng = np.random.default_rng(0)
+    options = OCTreeSettings(max_depth=0)
+    learned = learn(values, np.zeros(30), space, options, rng=rng)
+    assert (len(learned.rule_set.rules), learned.evidence) == (2200, {})
+    narrow = FeatureSpace(space.features[:3])
+    learned = learn(values[:, :3], np.zeros(30), narrow, options, rng=rng)
+    assert len(learned.evidence['rules']) == len(learned.rule_set.rules) == 6
+    assert all(
+        list(sample) == ['value']
+        for rule in learned.evidence['rules']
+        for literal in rule['literals']
+        for sample in literal['closest']
+    )

@@ -154,7 +154,8 @@ class _Steps:
         for feature, group in groups.items():
             for low, high, members in self._connected(feature, group):
                 lines.setdefault(feature, []).append((low, high))
-                gone += self._join(feature, low, high, members)
+                if len(members) > 1:
+                    gone += self._join(feature, low, high, members)
         self._remove(gone)
         return lines
 

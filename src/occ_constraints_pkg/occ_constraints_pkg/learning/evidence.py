@@ -16,6 +16,8 @@ from occ_constraints_pkg.rules.space import FeatureSpace
 
 # How far from a bound, as a share of its feature's demonstrated range, a sample counts as near.
 NEAR = 0.01
+# A longer formula goes without: nobody would read that much, and every program would have to.
+MOST_LITERALS = 2000
 # Samples that are named for each bound, each of another episode.
 _MOST_NAMED = 3
 

@@ -12,7 +12,11 @@ from typing import Any
 import numpy as np
 
 import occ_constraints_pkg
-from occ_constraints_pkg.learning.evidence import evidence_document, gather_evidence
+from occ_constraints_pkg.learning.evidence import (
+    MOST_LITERALS,
+    evidence_document,
+    gather_evidence,
+)
 from occ_constraints_pkg.learning.octree import fit_tree
 from occ_constraints_pkg.learning.samples import divide_samples, families
 from occ_constraints_pkg.learning.settings import OCTreeSettings
@@ -77,6 +81,13 @@ def learn(
         'held_out_samples': len(held_out),
         'held_out': float(np.mean(is_safe(rule_set, held_out))) if len(held_out) else None,
     }
+    evidence = {}
+    if formula.after[1] <= MOST_LITERALS:
+        evidence = evidence_document(
+            gather_evidence(rule_set, training, safe, samples.episodes, families(space, settings)),
+            space,
+            lambda row: {} if origin is None else origin(samples.positions[row]),
+        )
     provenance = {
         'created': datetime.now(UTC).isoformat(timespec='seconds'),
         'package_version': occ_constraints_pkg.__version__,
@@ -95,11 +106,7 @@ def learn(
         },
         coverage,
         provenance,
-        evidence_document(
-            gather_evidence(rule_set, training, safe, samples.episodes, families(space, settings)),
-            space,
-            lambda row: {} if origin is None else origin(samples.position(row)),
-        ),
+        evidence,
     )
 
 

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -41,9 +42,10 @@ class Samples:
         """Number of samples that had to be left out."""
         return int((~self.usable).sum())
 
-    def position(self, training: int) -> int:
-        """Return the position among all samples of one that is given by that in training."""
-        return int(np.flatnonzero(self.usable)[~self.is_held_out][training])
+    @cached_property
+    def positions(self) -> np.ndarray:
+        """(n,) the positions of the training samples among all samples."""
+        return np.flatnonzero(self.usable)[~self.is_held_out]
 
     def demonstrated(self, space: FeatureSpace, settings: OCTreeSettings) -> np.ndarray:
         """Return the (k, 2) smallest and largest training values.

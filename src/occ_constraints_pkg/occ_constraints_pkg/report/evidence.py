@@ -10,6 +10,7 @@ from typing import Any
 
 from occ_constraints_pkg.documents import did_you_mean
 from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.learning.evidence import MOST_LITERALS
 from occ_constraints_pkg.rules.constraints_file import Constraints
 from occ_constraints_pkg.rules.rule import Rule
 
@@ -92,7 +93,10 @@ def _learned(constraints: Constraints, rule: Rule) -> Mapping[str, Any] | None:
 def _missing(constraints: Constraints, rule: Rule, learned: Mapping[str, Any] | None) -> str | None:
     """Say why there is no evidence for a rule as it stands, None where there is."""
     if not constraints.evidence:
-        return 'the file holds none; it was written by hand, or by a version before evidence'
+        return (
+            'the file holds none; it was written by hand, by an earlier version, or with more than '
+            f'{MOST_LITERALS} literals'
+        )
     if learned is None:
         return 'the rule was not learned, but written by hand or made from others'
     if learned['formula'] != rule.formula(constraints.rule_set.space):

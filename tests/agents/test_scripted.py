@@ -63,7 +63,7 @@ def test_straightv_steers_by_goal_lidar_and_velocimeter():
     bearing = np.linspace(-3.1, 3.1, 200)
     objects = 1.5 * np.column_stack([np.cos(bearing), np.sin(bearing)])[:, None]
     observation = np.zeros((200, 60))
-    observation[:, 12:28] = lidar_returns(np.zeros((200, 2)), np.zeros(200), objects)[:, 0]
+    observation[:, 12:28] = lidar_returns(np.zeros((200, 3)), np.tile(np.eye(3), (200, 1, 1)), objects)[:, 0]
     observation[:, 4] = 0.5
     action = make_driver('PointGoal1', 'straightv', np.random.default_rng(0))(observation)
     turn = np.arctan2(np.sin(bearing) - 0.5, np.cos(bearing))

@@ -184,5 +184,8 @@ def _checked(observation: np.ndarray, columns: int, world: str) -> np.ndarray:
 DRIVERS: dict[str, dict[str, Callable[[np.random.Generator], Driver]]] = {
     'simple_nav': {'random': _Random, 'straight': _NavStraight, 'expert': _NavExpert},
     'PointGoal1': {'random': _Random, 'straightv': _PointStraightV},
+    'PointPush1': {'random': _Random},
+    'CarGoal1': {'random': _Random},
+    'CarPush1': {'random': _Random},
 }
 """The drivers that :func:`make_driver` knows, by world and name."""

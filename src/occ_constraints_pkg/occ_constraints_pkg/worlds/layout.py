@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Where things stand when an episode of PointGoal1 begins: random places that keep clear."""
+"""Where things stand when an episode of a Safety-Gym task begins: random places, kept clear."""
 
 from __future__ import annotations
 
@@ -8,16 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-# Safety-Gym, Goal level 1: objects lie within +-1.5 m, each at least its keepout from the edge,
-# and two of them at least the sum of their keepouts apart.
+# Objects lie within +-1.5 m, each at least its keepout from the edge, and two of them at least
+# the sum of their keepouts apart.
 EXTENT = 1.5
-NUM_HAZARDS = 8
-ROBOT_KEEPOUT, GOAL_KEEPOUT, HAZARD_KEEPOUT, VASE_KEEPOUT = 0.4, 0.305, 0.18, 0.15
-_ORDER = np.array([ROBOT_KEEPOUT, GOAL_KEEPOUT] + [HAZARD_KEEPOUT] * NUM_HAZARDS + [VASE_KEEPOUT])
 _TRIES_PER_OBJECT = 100
 _GOAL_TRIES = 10_000
-# Everything but the goal, in the order of ``sample_goal``'s obstacles: robot, hazards, vase.
-_OBSTACLE_KEEPOUTS = np.delete(_ORDER, 1)
+_GOAL = 1
 
 
 @dataclass(frozen=True)
@@ -27,61 +23,90 @@ class Layout:
     Attributes:
         robot: (M, 3) x, y in m and yaw in rad.
         goal: (M, 2) x, y in m.
-        hazards: (M, 8, 2) x, y in m.
-        vase: (M, 3) x, y in m and yaw in rad.
+        hazards: (M, H, 2) x, y in m.
+        pillars: (M, P, 2) x, y in m.
+        movable: (M, 3) x, y in m and yaw in rad of the vase or box.
     """
 
     robot: np.ndarray
     goal: np.ndarray
     hazards: np.ndarray
-    vase: np.ndarray
+    pillars: np.ndarray
+    movable: np.ndarray
 
 
-def sample_layout(rngs: list[np.random.Generator]) -> Layout:
-    """Draw one layout from each generator.
+class PlacementRules:
+    """How much room each object of a task keeps around itself, and how places are drawn.
 
     Objects are placed one after another, uniformly, and redrawn where they would be too close to
     one that already stands; a layout with an object that finds no place in 100 tries is drawn
     anew from the start.
+
+    Attributes:
+        keepouts: in m, of the robot, the goal, the hazards, the pillars and the movable thing.
     """
-    places = np.stack([_sample_places(rng) for rng in rngs])
-    yaws = np.stack([rng.uniform(0.0, 2 * np.pi, 2) for rng in rngs])
-    return Layout(
-        robot=np.column_stack([places[:, 0], yaws[:, 0]]),
-        goal=places[:, 1],
-        hazards=places[:, 2:-1],
-        vase=np.column_stack([places[:, -1], yaws[:, 1]]),
-    )
 
+    def __init__(
+        self,
+        *,
+        robot: float,
+        goal: float,
+        hazards: tuple[float, ...],
+        pillars: tuple[float, ...],
+        movable: float,
+    ) -> None:
+        """Take the keepouts in m, in the order in which objects are placed."""
+        self.keepouts = np.array([robot, goal, *hazards, *pillars, movable])
+        self._obstacles = np.delete(self.keepouts, _GOAL)
+        self._hazards = slice(2, 2 + len(hazards))
+        self._pillars = slice(2 + len(hazards), -1)
 
-def sample_goal(rng: np.random.Generator, obstacles: np.ndarray) -> np.ndarray | None:
-    """Draw a new place for the goal while everything else stays where it is.
+    def sample_layout(self, rngs: list[np.random.Generator]) -> Layout:
+        """Draw one layout from each generator."""
+        places = np.stack([self._sample_places(rng) for rng in rngs])
+        yaws = np.stack([rng.uniform(0.0, 2 * np.pi, 2) for rng in rngs])
+        return Layout(
+            robot=np.column_stack([places[:, 0], yaws[:, 0]]),
+            goal=places[:, _GOAL],
+            hazards=places[:, self._hazards],
+            pillars=places[:, self._pillars],
+            movable=np.column_stack([places[:, -1], yaws[:, 1]]),
+        )
 
-    Args:
-        rng: the robot's generator.
-        obstacles: (10, 2) where the robot, the hazards and the vase are now, in this order, in m.
+    def sample_goal(self, rng: np.random.Generator, obstacles: np.ndarray) -> np.ndarray | None:
+        """Draw a new place for the goal while everything else stays where it is.
 
-    Returns:
-        (2,) x, y in m, or ``None`` when 10 000 tries found no free place.
-    """
-    for _ in range(_GOAL_TRIES // _TRIES_PER_OBJECT):
-        place = _free_place(rng, GOAL_KEEPOUT, obstacles, _OBSTACLE_KEEPOUTS)
-        if place is not None:
-            return place
-    return None
+        Args:
+            rng: the robot's generator.
+            obstacles: (2 + H + P, 2) where the robot, the hazards, the pillars and the movable
+                thing are now, in this order, in m.
 
+        Returns:
+            (2,) x, y in m, or ``None`` when 10 000 tries found no free place.
+        """
+        for _ in range(_GOAL_TRIES // _TRIES_PER_OBJECT):
+            place = _free_place(rng, self.keepouts[_GOAL], obstacles, self._obstacles)
+            if place is not None:
+                return place
+        return None
 
-def _sample_places(rng: np.random.Generator) -> np.ndarray:
-    places = np.empty((len(_ORDER), 2))
-    placed = 0
-    while placed < len(_ORDER):
-        place = _free_place(rng, _ORDER[placed], places[:placed], _ORDER[:placed])
-        if place is None:
+    def _sample_places(self, rng: np.random.Generator) -> np.ndarray:
+        places = np.empty((len(self.keepouts), 2))
+        while True:
             placed = 0
-        else:
-            places[placed] = place
-            placed += 1
-    return places
+            while placed < len(places):
+                keepouts = self.keepouts[:placed]
+                place = _free_place(rng, self.keepouts[placed], places[:placed], keepouts)
+                if place is None:
+                    placed = 0
+                else:
+                    places[placed] = place
+                    placed += 1
+            # Safety-Gym moves the goal once more before an episode begins.
+            goal = self.sample_goal(rng, np.delete(places, _GOAL, axis=0))
+            if goal is not None:
+                places[_GOAL] = goal
+                return places
 
 
 def _free_place(

@@ -20,7 +20,7 @@ def true(literals, rows):
     return held
 
 
-@effort(max_examples=150)
+@effort(max_examples=80)
 @given(rule_sets(), st.integers(0, 2**32 - 1))
 def test_evidence_is_what_counting_one_by_one_gives(rule_set, seed):
     rng = np.random.default_rng(seed)

@@ -55,19 +55,19 @@ def check(before, rng, **options):
     return result
 
 
-@effort(max_examples=200)
+@effort(max_examples=120)
 @given(rule_sets(most_rules=9), SEEDS)
 def test_any_rules_mean_the_same_when_simplified(rule_set, seed):
     check(rule_set, np.random.default_rng(seed))
 
 
-@effort(max_examples=100)
+@effort(max_examples=60)
 @given(rule_sets(bounds=FINITE, most_rules=9), SEEDS)
 def test_any_bounds_mean_the_same_when_simplified(rule_set, seed):
     check(rule_set, np.random.default_rng(seed))
 
 
-@effort(max_examples=150)
+@effort(max_examples=80)
 @given(trees(), st.booleans(), SEEDS)
 def test_rules_of_any_tree_mean_the_same_when_simplified(tree, full, seed):
     before = extract_rules(*tree, full_conditions=full)
@@ -83,7 +83,7 @@ def test_rules_of_learned_trees_mean_the_same_when_simplified(values, settings, 
     check(before, np.random.default_rng(seed))
 
 
-@effort(max_examples=100)
+@effort(max_examples=60)
 @given(rule_sets(most_rules=8, enabled=st.just(True)), SEEDS)
 def test_margins_of_safe_samples_stay_and_of_violations_come_closer(rule_set, seed):
     after = simplify(rule_set).rule_set

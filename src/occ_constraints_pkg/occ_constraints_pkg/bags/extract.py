@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from occ_constraints_pkg.bags.columns import BlockExtractor, RowBlock
-from occ_constraints_pkg.bags.dataset import Dataset
+from occ_constraints_pkg.bags.dataset import ORIGIN, Dataset
 from occ_constraints_pkg.bags.feature_map import FeatureMap, topic_key
 from occ_constraints_pkg.bags.fields import MessageReader, header_stamp_ns
 from occ_constraints_pkg.bags.manifest import select
@@ -328,6 +328,7 @@ def extract(
             for recording, selection in zip(recordings, selections, strict=True)
         ),
         warnings=tuple(text for recording in recordings for text in recording.warnings),
+        origins=np.concatenate([origins for part in parts for origins in part.origins]),
     )
 
 
@@ -411,6 +412,7 @@ class _Part:
         self.stamps: list[np.ndarray] = []
         self.times: list[np.ndarray] = []
         self.costs: list[np.ndarray] = []
+        self.origins: list[np.ndarray] = []
         self.episodes = np.empty(0, dtype=np.int64)
         self.has_cost = False
         self.where = ''
@@ -425,6 +427,10 @@ class _Part:
         robots = np.arange(count) if has_episodes else nothing
         numbers = rows.table.column('episode').astype(np.float64) if has_episodes else nothing
         cost = rows.table.column('true_cost') if has_cost else np.full(count, np.nan)
+        origins = np.empty(count, dtype=ORIGIN)
+        origins['time_ns'] = rows.times_ns
+        # Rows of a table are of one message, others of one message each.
+        origins['row'] = 0 if rows.table is None else np.arange(count)
         used = stretches >= 0
         if not used.any():
             self.where = ', in the intervals to use' if count else self.where
@@ -433,6 +439,7 @@ class _Part:
         self.values.append(rows.values[used])
         self.stamps.append(rows.stamps_ns[used])
         self.times.append(times_ns[used])
+        self.origins.append(origins[used])
         self.costs.append(cost[used].astype(np.float64))
         self._episodes.append(np.stack([robots, numbers, stretches], axis=1)[used])
 

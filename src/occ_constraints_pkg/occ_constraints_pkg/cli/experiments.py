@@ -6,13 +6,23 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import click
 
-from occ_constraints_pkg.cli.common import JSON, end_tidily, print_json, progress_bar
+from occ_constraints_pkg.cli.common import (
+    DATA,
+    FEATURE_MAP_HELP,
+    JSON,
+    end_tidily,
+    needed_cost,
+    print_json,
+    progress_bar,
+)
+from occ_constraints_pkg.cli.tree_options import seed_option, tree_options, tree_settings
 from occ_constraints_pkg.errors import import_needed
 from occ_constraints_pkg.experiments.benchmarks import BENCHMARKS
-from occ_constraints_pkg.files import replacing
+from occ_constraints_pkg.files import make_directory, replacing
 
 
 @click.command()
@@ -61,7 +71,7 @@ def bench(name: str, seconds: float | None, as_json: bool) -> None:
 
 @click.group()
 def experiment() -> None:
-    """Repeat published experiments.
+    """Repeat published experiments, or compare settings on data of your own.
 
     \b
     Example: occ experiment article --set Iris
@@ -207,3 +217,76 @@ def truth(
         print_json(result)
         return
     click.echo((Path(output) / 'truth.md').read_text(encoding='utf-8'))
+
+
+@experiment.command()
+@DATA
+@click.option('-m', '--map', 'map_name', help=f'{FEATURE_MAP_HELP} Recordings need one.')
+@click.option(
+    '--score',
+    'scored',
+    multiple=True,
+    type=click.Path(),
+    help='Recording or table with the true cost, to score each depth on; may be repeated.',
+)
+@click.option('-o', '--output', default='results', show_default=True, type=click.Path())
+@tree_options
+@seed_option
+@JSON
+def depth(
+    paths: tuple[str, ...],
+    map_name: str | None,
+    scored: tuple[str, ...],
+    output: str,
+    seed: int,
+    as_json: bool,
+    **tree: Any,
+) -> None:
+    """Learn once and show the rules of every depth; writes depth.json and depth.png.
+
+    Each line is what `occ learn --depth` gives for that depth, from one tree: coverage of training
+    samples and of held-out episodes, size of the formula and, with --score, precision, recall and
+    F1 on samples whose true cost is known. The picture needs matplotlib.
+
+    \b
+    Example: occ experiment depth bags/safe_drive_1 -m my_robot.yaml --alpha 0.5 -o results
+    """
+    import numpy as np
+
+    from occ_constraints_pkg.bags.demonstrations import read_demonstrations
+    from occ_constraints_pkg.bags.feature_map import load_feature_map
+    from occ_constraints_pkg.learning.ablation import ablate_depth
+    from occ_constraints_pkg.report.depths import depths_document, describe_depths
+
+    # Needed at the end only, but a missing module must show now.
+    picture = import_needed('occ experiment', 'occ_constraints_pkg.report.depth_picture')
+    settings = tree_settings(**tree)
+    feature_map = None if map_name is None else load_feature_map(map_name)
+    truth = None
+    with progress_bar('reading') as progress:
+        data, space = read_demonstrations(paths, feature_map, progress=progress)
+    if scored:
+        with progress_bar('reading') as progress:
+            judged, _ = read_demonstrations(scored, feature_map, space, progress=progress)
+        truth = judged.values, needed_cost(judged, scored)
+    with progress_bar('depths') as progress:
+        results = ablate_depth(
+            data.values,
+            data.episodes,
+            space,
+            settings,
+            rng=np.random.default_rng(seed),
+            truth=truth,
+            progress=progress,
+        )
+    folder = make_directory(output)
+    document = depths_document(results)
+    with replacing(folder / 'depth.json') as draft:
+        draft.write_text(json.dumps(document, indent=2) + '\n', encoding='utf-8')
+    with replacing(folder / 'depth.png') as draft:
+        picture.draw_depths(draft, results)
+    if as_json:
+        print_json(document)
+        return
+    click.echo(describe_depths(results))
+    click.echo(f'Written to {folder / "depth.json"} and {folder / "depth.png"}')

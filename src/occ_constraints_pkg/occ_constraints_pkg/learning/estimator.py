@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from occ_constraints_pkg.errors import OccError, import_needed
-from occ_constraints_pkg.learning.extraction import extract_rules
 from occ_constraints_pkg.learning.octree import fit_tree
 from occ_constraints_pkg.learning.settings import OCTreeSettings
+from occ_constraints_pkg.learning.simplification import extract_and_simplify
 from occ_constraints_pkg.rules.rule import Rule
 from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.rules.space import Feature, FeatureSpace
@@ -147,9 +147,9 @@ class OCTreeClassifier(OutlierMixin, BaseEstimator):
         try:
             space = FeatureSpace(tuple(Feature(str(name)) for name in names))
             tree = fit_tree(rows, settings)
-            rule_set = extract_rules(
+            rule_set = extract_and_simplify(
                 tree, space, demonstrated, full_conditions=settings.full_conditions
-            )
+            ).rule_set
         except OccError as error:
             raise ValueError(str(error)) from error
         offset = 0.0

@@ -11,7 +11,7 @@ import numpy as np
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from occ_constraints_pkg.bags.demonstrations import learn_from_recordings
+from occ_constraints_pkg.bags.demonstrations import learn_from_files
 from occ_constraints_pkg.bags.extract import FeatureExtractor
 from occ_constraints_pkg.bags.feature_map import load_feature_map
 from occ_constraints_pkg.errors import OccError
@@ -78,7 +78,7 @@ class TreeLearner(OccNode):
         if bags:
             self.get_logger().info(f'learning from {", ".join(bags)}')
             with stop_request.interrupting():
-                constraints = learn_from_recordings(
+                constraints = learn_from_files(
                     bags,
                     self._map,
                     self._settings,

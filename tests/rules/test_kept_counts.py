@@ -72,6 +72,12 @@ def test_counters_of_other_rules_are_not_taken(tmp_path):
     fresh = KeptCounts(other, path)
     assert not fresh.resumed
     assert fresh.evaluated.tolist() == [0]
+    fresh.add_stamped(other.judge(BATCHES[1]), 2)
+    fresh.keep()
+    beside = tmp_path / f'counts.json.{RULES.fingerprint}'
+    assert numbers(read_counts(beside, RULES)) == numbers(counts)
+    counts.reset()
+    counts.keep()
     with pytest.raises(OccError, match='counts other rules'):
         read_counts(path, other)
 

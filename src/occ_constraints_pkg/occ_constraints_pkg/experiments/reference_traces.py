@@ -72,17 +72,17 @@ def load_traces(task: str, folder: Path) -> Traces:
             for name in names
         }
     kind = world_class(task)
-    layout = _joined([reference_layout(kind, seed) for seed in range(_EPISODES)])
+    layout = joined([reference_start(kind, seed)[0] for seed in range(_EPISODES)])
     if not (layout.robot[:, :2] == arrays['pos'][:, 0, :2]).all():
         raise OccError(f'{path} does not begin where seeds 0 to {_EPISODES - 1} begin')
     return Traces(task, layout, **arrays, untouched=_untouched(kind, layout, arrays['pos']))
 
 
-def reference_layout(kind: type[SafetyGymWorld], seed: int) -> Layout:
+def reference_start(kind: type[SafetyGymWorld], seed: int) -> tuple[Layout, np.random.RandomState]:  # noqa: NPY002
     """Return the start that safety-gymnasium 1.0.0 draws from ``seed``, with M = 1.
 
-    It places things by the rules that ours follow, with NumPy's legacy generator. So the yaw of
-    vase and box, which the traces lack, is known too.
+    It places things by the rules that ours follow, with NumPy's legacy generator, which is
+    returned too, as it is then. So the yaw of vase and box, which the traces lack, is known.
     """
     rng = np.random.RandomState(seed)  # noqa: NPY002 - the reference's own generator
     keepouts = kind.rules.keepouts
@@ -94,13 +94,29 @@ def reference_layout(kind: type[SafetyGymWorld], seed: int) -> Layout:
     others = np.delete(keepouts, 1)
     goal = _first_free(rng, keepouts[1], [places[0], *places[2:]], others, 10_000)
     hazards = kind.lidars['hazards']
-    return Layout(
+    layout = Layout(
         robot=np.array([[*places[0], yaws[0]]]),
         goal=goal[None],
         hazards=np.array(places[2 : 2 + hazards])[None],
         pillars=np.array(places[2 + hazards : -1]).reshape(1, -1, 2),
         movable=np.array([[*places[-1], yaws[-1]]]),
     )
+    return layout, rng
+
+
+class ReferenceGoals:
+    """Stands in for a world's rules to draw new goals as safety-gymnasium draws them."""
+
+    def __init__(self, keepouts: np.ndarray) -> None:
+        self._goal, self._others = keepouts[1], np.delete(keepouts, 1)
+
+    def sample_goal(
+        self,
+        rng: np.random.RandomState,  # noqa: NPY002
+        obstacles: np.ndarray,
+    ) -> np.ndarray | None:
+        """Draw a place as :meth:`PlacementRules.sample_goal` does, from a legacy generator."""
+        return _first_free(rng, self._goal, list(obstacles), self._others, 10_000)
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,7 +255,8 @@ def _repeated(layout: Layout, number: int, times: int) -> Layout:
     )
 
 
-def _joined(layouts: list[Layout]) -> Layout:
+def joined(layouts: list[Layout]) -> Layout:
+    """Return several layouts as one."""
     return Layout(
         **{
             field.name: np.concatenate([getattr(layout, field.name) for layout in layouts])

@@ -38,6 +38,8 @@ class KeptCounts(RuleCounts):
         """
         super().__init__(rule_set)
         self._rule_set, self._path = rule_set, path
+        # The rule set that the file counts, if it is another one: that file is kept beside.
+        self._other = ''
         self.until_ns = 0
         self.resumed = bool(path) and Path(path).exists() and self._read()
         self._is_first = self._is_kept = self.resumed
@@ -79,6 +81,9 @@ class KeptCounts(RuleCounts):
             'rules': rules,
         }
         with replacing(self._path) as draft:
+            if self._other:
+                Path(self._path).replace(f'{self._path}.{self._other}')
+                self._other = ''
             draft.write_text(json.dumps(document, indent=1), encoding='utf-8')
         self._is_kept = True
 
@@ -89,6 +94,7 @@ class KeptCounts(RuleCounts):
             if document['format'] != _FORMAT:
                 raise ValueError(document['format'])
             if document['rule_set'] != self._rule_set.fingerprint:
+                self._other = str(document['rule_set'])
                 return False
             counts = [document['rules'][rule.id] for rule in self._rule_set.rules]
             self.evaluated[:] = [item['evaluated'] for item in counts]

@@ -15,8 +15,10 @@ import numpy as np
 # conaffinity. The floor shows bit 1, robots and pillars bit 2. Parts of a robot never meet.
 _FLOOR_BIT, _SOLID_BIT = 1, 2
 
+# Of the centre of a Point, in m.
+POINT_HEIGHT = 0.1
 PILLAR_RADIUS = 0.2
-_PILLAR_HALF_HEIGHT = 0.5
+PILLAR_HEIGHT = 1.0
 
 _XYZ = ('x', 'y', 'z')
 # The sensors in the middle of every robot, each with three axes: unit, and bound of the readings.
@@ -39,6 +41,7 @@ class Robot:
         sensors: name, unit and bound of each sensor column, in order.
         rear_ball: the sensor data end with the angular velocity and the quaternion of a ball.
         timestep: seconds per physics step.
+        size: (3,) length, width and height in m, seen the way it drives.
         reach: no part of it is further from its centre, in m.
         forward: direction that it drives in, in rad from the x axis of its body.
         start: (nq,) positions where it stands at the origin with yaw 0.
@@ -51,6 +54,7 @@ class Robot:
     sensors: tuple[tuple[str, str, float], ...]
     rear_ball: bool
     timestep: float
+    size: tuple[float, float, float]
     reach: float
     forward: float
     start: tuple[float, ...]
@@ -102,6 +106,7 @@ POINT = Robot(
     sensors=_site_columns(),
     rear_ball=False,
     timestep=0.002,
+    size=(0.25, 0.2, 0.2),
     reach=0.166,
     forward=0.0,
     start=(0.0, 0.0, 0.0),
@@ -140,6 +145,7 @@ CAR = Robot(
     ),
     rear_ball=True,
     timestep=0.004,
+    size=(0.34, 0.31, 0.1),
     reach=0.25,
     forward=-np.pi / 2,
     start=(0.0, 0.0, 0.1, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0),
@@ -194,8 +200,11 @@ def scene_mjcf(robot: Robot, movable: Movable | None = None, *, pillar: bool = F
         movable: comes second in the state; ``None`` leaves it out.
         pillar: adds a pillar, which is placed through MuJoCo's ``mocap_pos``.
     """
-    contactless = robot.is_planar and movable is None
-    flags = '<flag contact="disable" constraint="disable"/>' if contactless else ''
+    flags = ''
+    if movable is None:
+        # Alone, a planar robot touches nothing, and any other is one island of contacts by itself.
+        contactless = '<flag contact="disable" constraint="disable"/>'
+        flags = contactless if robot.is_planar else '<flag island="disable"/>'
     sensors = ''.join(f'<{sensor} site="robot"/>' for sensor in _SITE_SENSORS)
     return f"""
     <mujoco>
@@ -229,6 +238,6 @@ def _movable_body(movable: Movable) -> str:
 
 
 def _pillar_body() -> str:
-    return f"""<body pos="0 0 {_PILLAR_HALF_HEIGHT}" mocap="true">
-        <geom type="cylinder" size="{PILLAR_RADIUS} {_PILLAR_HALF_HEIGHT}"
+    return f"""<body pos="0 0 {PILLAR_HEIGHT / 2}" mocap="true">
+        <geom type="cylinder" size="{PILLAR_RADIUS} {PILLAR_HEIGHT / 2}"
               contype="{_SOLID_BIT}" conaffinity="{_SOLID_BIT}"/></body>"""

@@ -10,8 +10,14 @@ import mujoco
 import numpy as np
 from mujoco import rollout
 
-from occ_constraints_pkg.worlds.bodies import PILLAR_RADIUS, Movable, Robot, scene_mjcf
-from occ_constraints_pkg.worlds.rotation import matrix_of, quaternion_of_yaw
+from occ_constraints_pkg.worlds.bodies import (
+    PILLAR_RADIUS,
+    POINT_HEIGHT,
+    Movable,
+    Robot,
+    scene_mjcf,
+)
+from occ_constraints_pkg.worlds.rotation import matrix_of, matrix_of_yaw, quaternion_of_yaw
 
 SUBSTEPS = 10
 # Robots nearer than this to something, in m, count as about to touch it, besides what they can
@@ -71,18 +77,31 @@ class Physics:
         self._moves = np.zeros(num_envs, dtype=bool)
 
     @property
+    def model(self) -> mujoco.MjModel:
+        """The model of a robot with everything that it can touch."""
+        return self._together.model
+
+    @property
     def position(self) -> np.ndarray:
         """(N, 3) centres of the robots, in m."""
         if self.robot.is_planar:
-            return np.column_stack([self.qpos[:, :2], np.full(len(self.qpos), 0.1)])
+            position = np.empty((len(self.qpos), 3))
+            position[:, :2], position[:, 2] = self.qpos[:, :2], POINT_HEIGHT
+            return position
         return self.qpos[:, :3]
 
     @property
     def axes(self) -> np.ndarray:
         """(N, 3, 3) axes of the robots' bodies as columns, world frame."""
         if self.robot.is_planar:
-            return matrix_of(quaternion_of_yaw(self.qpos[:, 2]))
+            return matrix_of_yaw(self.qpos[:, 2])
         return matrix_of(self.qpos[:, 3:7])
+
+    def quaternion(self, row: int) -> np.ndarray:
+        """Return the (4,) orientation w, x, y, z of a robot's body, world frame."""
+        if self.robot.is_planar:
+            return quaternion_of_yaw(self.qpos[row : row + 1, 2])[0]
+        return self.qpos[row, 3:7].copy()
 
     def place(
         self,
@@ -170,16 +189,22 @@ class Physics:
     def _gap(self) -> np.ndarray:
         """(N,) free way, in m, beyond what each robot may travel before it touches something."""
         position = self.position
-        offset = position - self.movable[:, :3]
-        local = np.einsum('ni,nij->nj', offset, matrix_of(self.movable[:, 3:]))
-        beyond = np.maximum(np.abs(local) - self._kind.half_extents, 0.0)
-        free = np.sqrt((beyond**2).sum(axis=1))
-        if self.pillars.shape[1]:
-            to_pillar = np.linalg.norm(position[:, :2] - self.pillars[:, 0], axis=1)
-            free = np.minimum(free, to_pillar - PILLAR_RADIUS)
         linear = 2 if self.robot.is_planar else 3
         speed = np.sqrt((self.qvel[:, :linear] ** 2).sum(axis=1))
-        return free - self.robot.reach - SUBSTEPS * self.robot.timestep * speed - _RESERVE
+        needed = self.robot.reach + SUBSTEPS * self.robot.timestep * speed + _RESERVE
+        offset = position - self.movable[:, :3]
+        extents = self._kind.half_extents
+        free = np.sqrt((offset**2).sum(axis=1)) - np.sqrt((extents**2).sum())
+        # The sphere around the thing is quick to tell; the box around it matters to those within.
+        close = np.flatnonzero(~(free > needed))
+        if len(close):
+            axes = matrix_of(self.movable[close, 3:])
+            local = np.abs(np.einsum('ni,nij->nj', offset[close], axes))
+            free[close] = np.sqrt((np.maximum(local - extents, 0.0) ** 2).sum(axis=1))
+        if self.pillars.shape[1]:
+            to_pillar = np.hypot(*(position[:, :2] - self.pillars[:, 0]).T) - PILLAR_RADIUS
+            free = np.minimum(free, to_pillar)
+        return free - needed
 
     def _advance(
         self,
@@ -202,10 +227,13 @@ class Physics:
         # When the numbers blow up MuJoCo resets the state, clock included, or stops.
         timestep = self.robot.timestep
         failed = np.abs(after[:, 0] - SUBSTEPS * timestep) > timestep / 2
-        failed |= ~np.isfinite(after).all(axis=1) | ~np.isfinite(sensors).all(axis=1)
-        after = np.where(failed[:, None], before, after[:, 1:])
+        # A sum is finite only if all it adds up is, or if it is far beyond any state here.
+        failed |= ~np.isfinite(after.sum(axis=1) + sensors.sum(axis=1))
         columns = self._columns(sensors)
-        columns[failed] = 0.0
+        after = after[:, 1:]
+        if failed.any():
+            after = np.where(failed[:, None], before, after)
+            columns[failed] = 0.0
         return after, columns, failed
 
     def _columns(self, sensors: np.ndarray) -> np.ndarray:
@@ -220,19 +248,19 @@ class _Model:
     """A compiled model with the buffers through which ``mujoco.rollout`` steps a batch of it."""
 
     def __init__(self, mjcf: str, num_envs: int, threads: int) -> None:
-        self._model = mujoco.MjModel.from_xml_string(mjcf)
-        self._data = [mujoco.MjData(self._model) for _ in range(threads)]
+        self.model = mujoco.MjModel.from_xml_string(mjcf)
+        self._data = [mujoco.MjData(self.model) for _ in range(threads)]
         spec = mujoco.mjtState.mjSTATE_CTRL
-        if self._model.nmocap:
+        if self.model.nmocap:
             spec = spec | mujoco.mjtState.mjSTATE_MOCAP_POS
             self.pillar_height = self._data[0].mocap_pos[0, 2]
         self._control_spec = int(spec)
-        size = mujoco.mj_stateSize(self._model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+        size = mujoco.mj_stateSize(self.model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
         steps = SUBSTEPS + 1
         self._initial = np.zeros((num_envs, size))
-        self._control = np.zeros(num_envs * steps * mujoco.mj_stateSize(self._model, spec))
+        self._control = np.zeros(num_envs * steps * mujoco.mj_stateSize(self.model, spec))
         self._states = np.zeros(num_envs * steps * size)
-        self._sensors = np.zeros(num_envs * steps * self._model.nsensordata)
+        self._sensors = np.zeros(num_envs * steps * self.model.nsensordata)
 
     def inputs(self, count: int, steps: int) -> tuple[np.ndarray, np.ndarray]:
         """Return the (count, 1 + nq + nv) states and (count, steps, c) controls to fill.
@@ -251,12 +279,14 @@ class _Model:
         """
         states = self._shaped(self._states, count, steps)
         sensors = self._shaped(self._sensors, count, steps)
+        # Our shapes are right by construction, and checking them takes longer than some steps.
         pool.rollout(
-            self._model,
+            [self.model] * count,
             self._data,
             self._initial[:count],
             self._shaped(self._control, count, steps),
             control_spec=self._control_spec,
+            skip_checks=True,
             nstep=steps,
             state=states,
             sensordata=sensors,

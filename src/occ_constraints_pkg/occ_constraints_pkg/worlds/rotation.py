@@ -15,12 +15,41 @@ def quaternion_of_yaw(yaw: np.ndarray) -> np.ndarray:
     return quaternion
 
 
+def matrix_of_yaw(yaw: np.ndarray) -> np.ndarray:
+    """Return the (N, 3, 3) matrices of rotations about the z axis by (N,) ``yaw`` in rad."""
+    matrix = np.zeros((len(yaw), 3, 3))
+    matrix[:, 0, 0] = matrix[:, 1, 1] = np.cos(yaw)
+    matrix[:, 1, 0] = np.sin(yaw)
+    matrix[:, 0, 1] = -matrix[:, 1, 0]
+    matrix[:, 2, 2] = 1.0
+    return matrix
+
+
 def matrix_of(quaternion: np.ndarray) -> np.ndarray:
     """Return the (N, 3, 3) matrices of (N, 4) unit quaternions; columns are the body's axes."""
     w, x, y, z = quaternion.T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.moveaxis(np.array(rows), 2, 0)
+    matrix = np.empty((len(quaternion), 3, 3))
+    matrix[:, 0, 0] = 1 - 2 * (y * y + z * z)
+    matrix[:, 0, 1] = 2 * (x * y - w * z)
+    matrix[:, 0, 2] = 2 * (x * z + w * y)
+    matrix[:, 1, 0] = 2 * (x * y + w * z)
+    matrix[:, 1, 1] = 1 - 2 * (x * x + z * z)
+    matrix[:, 1, 2] = 2 * (y * z - w * x)
+    matrix[:, 2, 0] = 2 * (x * z - w * y)
+    matrix[:, 2, 1] = 2 * (y * z + w * x)
+    matrix[:, 2, 2] = 1 - 2 * (x * x + y * y)
+    return matrix
+
+
+def product(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Return the (4,) quaternion of turning by (4,) ``second`` in the frame of ``first``."""
+    w, x, y, z = first
+    a, b, c, d = second
+    return np.array(
+        [
+            w * a - x * b - y * c - z * d,
+            w * b + x * a + y * d - z * c,
+            w * c - x * d + y * a + z * b,
+            w * d + x * c - y * b + z * a,
+        ]
+    )

@@ -10,14 +10,29 @@ from typing import Any, ClassVar
 import numpy as np
 
 from occ_constraints_pkg.worlds.base import Column, World
-from occ_constraints_pkg.worlds.bodies import CAR, CAR_BOX, POINT, POINT_BOX, VASE, Movable, Robot
+from occ_constraints_pkg.worlds.bodies import (
+    CAR,
+    CAR_BOX,
+    PILLAR_HEIGHT,
+    PILLAR_RADIUS,
+    POINT,
+    POINT_BOX,
+    VASE,
+    Movable,
+    Robot,
+)
 from occ_constraints_pkg.worlds.layout import Layout, PlacementRules
-from occ_constraints_pkg.worlds.lidar import BINS, lidar_returns
+from occ_constraints_pkg.worlds.lidar import BINS, MAX_DISTANCE, beams, lidar_returns
 from occ_constraints_pkg.worlds.physics import SUBSTEPS, Physics
 from occ_constraints_pkg.worlds.robots import checked_action, robot_generators, selected_rows
+from occ_constraints_pkg.worlds.rotation import matrix_of_yaw, product, quaternion_of_yaw
+from occ_constraints_pkg.worlds.velocity_control import velocity_action
+from occ_constraints_pkg.worlds.view import RobotView, Thing, standing_cylinder
 
 GOAL_RADIUS = 0.3
 _GOAL_HEIGHT = 0.16
+# How high goal and hazards are drawn, in m.
+_GOAL_SIZE, _HAZARD_SIZE = 0.3, 0.02
 _ROBOT_KEEPOUT = 0.4
 _FAILURE_REWARD = -10.0
 _REWARD_CLIP = 10.0
@@ -39,6 +54,7 @@ class SafetyGymWorld(World):
         rules: how much room things keep when they are placed.
         lidars: kind of things that each lidar sees, and how many there are.
         hazard_radius: in m.
+        generators: one per robot; draws its layouts and new goals.
         physics: where robots, vases, boxes and pillars are and how they move.
     """
 
@@ -78,6 +94,7 @@ class SafetyGymWorld(World):
                 Column(name, low=-1.0, high=1.0) for name in cls.robot.actions
             )
             cls.step_seconds = SUBSTEPS * cls.robot.timestep
+            cls.view_kinds = tuple(cls.lidars)
 
     def __init__(self, num_envs: int, *, threads: int = 0) -> None:
         """Build the world; :meth:`reset` it before the first step.
@@ -87,7 +104,7 @@ class SafetyGymWorld(World):
             threads: threads that step the physics; 0 means one per core, fewer for small N.
         """
         self.num_envs = num_envs
-        self._rngs = robot_generators(None, num_envs)
+        self.generators = robot_generators(None, num_envs)
         self.physics = Physics(
             self.robot,
             self.movable,
@@ -111,9 +128,9 @@ class SafetyGymWorld(World):
         """Start new episodes; see :meth:`World.reset`."""
         rows = selected_rows(mask, self.num_envs)
         if seed is not None:
-            self._rngs = robot_generators(seed, self.num_envs)
+            self.generators = robot_generators(seed, self.num_envs)
         if len(rows):
-            self.start(rows, self.rules.sample_layout([self._rngs[row] for row in rows]))
+            self.start(rows, self.rules.sample_layout([self.generators[row] for row in rows]))
         return self._observation.copy(), {'true_cost': self._cost()}
 
     def start(
@@ -173,7 +190,10 @@ class SafetyGymWorld(World):
             terminated[row] = not self._move_goal(row)
         self._to_go = self._distances()[0] if reached.any() else to_go
 
-        self._observe(np.flatnonzero(~failed), sensors[~failed])
+        if failed.any():
+            self._observe(np.flatnonzero(~failed), sensors[~failed])
+        else:
+            self._observe(slice(None), sensors)
         truncated = ~terminated & (self._steps >= self.max_episode_steps)
         info = {'true_cost': self._cost(), 'failed': failed}
         return self._observation.copy(), reward, terminated, truncated, info
@@ -182,21 +202,59 @@ class SafetyGymWorld(World):
         """Stop the threads."""
         self.physics.close()
 
-    def scene(self, row: int) -> dict[str, np.ndarray]:
-        """Return where things are around one robot, for pictures: m, world frame.
+    def view(self, row: int) -> RobotView:
+        """Return one robot as ROS and pictures see it; see :meth:`World.view`."""
+        physics, forward = self.physics, self.robot.forward
+        # The base frame looks the way the robot drives.
+        base = matrix_of_yaw(np.array([forward]))[0]
+        sensors = self._observation[row, :9].astype(np.float64).reshape(3, 3)
+        acceleration, linear, angular = sensors @ base
+        width = len(self.robot.sensors)
+        lidars = self._observation[row, width:].astype(np.float64).reshape(-1, BINS)
+        first_beam, ranges = beams(lidars, forward)
+        quaternion = product(physics.quaternion(row), quaternion_of_yaw(np.array([forward]))[0])
+        return RobotView(
+            position=physics.position[row].copy(),
+            quaternion=quaternion,
+            linear_velocity=linear,
+            angular_velocity=angular,
+            acceleration=acceleration,
+            ranges=dict(zip(self.lidars, ranges, strict=True)),
+            first_beam=first_beam,
+            beam_step=2 * np.pi / BINS,
+            range_max=MAX_DISTANCE,
+            things=self._things(row, quaternion),
+        )
 
-        ``robot`` is (3,) with x, y and the heading in rad; ``goal`` and the vase or ``box`` are
-        (2,), ``hazards`` is (H, 2) and ``pillars`` (P, 2).
-        """
-        ahead = self.physics.axes[row, :2, 0]
-        heading = np.arctan2(ahead[1], ahead[0]) + self.robot.forward
-        return {
-            'robot': np.array([*self._position[row], heading]),
-            'goal': self._goal[row].copy(),
-            'hazards': self._hazards[row].copy(),
-            'pillars': self._pillars[row].copy(),
-            self.movable.name: self._movable[row].copy(),
-        }
+    def _things(self, row: int, heading: np.ndarray) -> tuple[Thing, ...]:
+        """Return everything around a robot, and itself; its box is wide enough to hold it all."""
+        movable, half = self.physics.movable[row], 2 * self.movable.half_extents
+        goal = standing_cylinder('goal', self._goal[row], GOAL_RADIUS, _GOAL_SIZE)
+        return (
+            goal,
+            *(
+                standing_cylinder('hazard', place, self.hazard_radius, _HAZARD_SIZE)
+                for place in self._hazards[row]
+            ),
+            *(
+                standing_cylinder('pillar', place, PILLAR_RADIUS, PILLAR_HEIGHT)
+                for place in self._pillars[row]
+            ),
+            Thing(self.movable.name, 'box', movable[:3].copy(), movable[3:].copy(), half),
+            Thing(
+                'robot',
+                'box',
+                self.physics.position[row].copy(),
+                heading,
+                np.array(self.robot.size),
+            ),
+        )
+
+    def action_for(self, row: int, speed: float, turning: float) -> np.ndarray:
+        """Return the action that a velocity command asks for; see :meth:`World.action_for`."""
+        view = self.view(row)
+        now = np.array([view.linear_velocity[0], view.angular_velocity[2]])
+        return velocity_action(self.robot, np.array([speed, turning]), now)
 
     @abstractmethod
     def _distances(self) -> tuple[np.ndarray, np.ndarray]:
@@ -213,13 +271,13 @@ class SafetyGymWorld(World):
     def _move_goal(self, row: int) -> bool:
         """Move a goal that was reached; return whether there was room for it."""
         obstacles = np.concatenate([self._position[row : row + 1], self._objects[row, 1:]])
-        place = self.rules.sample_goal(self._rngs[row], obstacles)
+        place = self.rules.sample_goal(self.generators[row], obstacles)
         if place is None:
             return False
         self._goal[row] = place
         return True
 
-    def _observe(self, rows: np.ndarray, sensors: np.ndarray) -> None:
+    def _observe(self, rows: np.ndarray | slice, sensors: np.ndarray) -> None:
         """Write the observation of some robots from their (M, s) sensors and their places."""
         position, axes = self.physics.position[rows], self.physics.axes[rows]
         returns = lidar_returns(position, axes, self._objects[rows])

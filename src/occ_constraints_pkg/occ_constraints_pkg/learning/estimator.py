@@ -96,10 +96,10 @@ class OCTreeClassifier(OutlierMixin, BaseEstimator):
         array([ 0.37, -0.06])
         >>> for rule in detector.rule_set_.rules:
         ...     print(rule.words(detector.rule_set_.space))
-        x0 below 0.3787
-        x0 above 1.539
-        x1 below -1.498
-        x1 above 1.437
+        x0 below 0.3771
+        x0 above 1.57
+        x1 below -1.256
+        x1 above 1.3
     """
 
     def __init__(

@@ -14,7 +14,7 @@ from occ_constraints_pkg.cli.experiments import bench, demo, experiment
 from occ_constraints_pkg.cli.learning import learn
 from occ_constraints_pkg.cli.nodes import node, play, record
 from occ_constraints_pkg.cli.rules import check, prune, score, show
-from occ_constraints_pkg.cli.training import evaluate, train
+from occ_constraints_pkg.cli.training import drive, evaluate, train
 from occ_constraints_pkg.errors import OccError
 
 
@@ -53,7 +53,7 @@ def cli(context: click.Context) -> None:
 
 for _command in (
     *(learn, show, check, score, prune),
-    *(train, evaluate),
+    *(train, evaluate, drive),
     *(node, record, play),
     *(demo, bench, experiment),
 ):

@@ -15,7 +15,7 @@ from occ_constraints_pkg.cli.features import features
 from occ_constraints_pkg.cli.learning import learn
 from occ_constraints_pkg.cli.nodes import node, play, record
 from occ_constraints_pkg.cli.rules import check, prune, score, show, simplify
-from occ_constraints_pkg.cli.training import evaluate, train
+from occ_constraints_pkg.cli.training import drive, evaluate, train
 from occ_constraints_pkg.errors import OccError
 
 
@@ -54,7 +54,7 @@ def cli(context: click.Context) -> None:
 
 for _command in (
     *(features, learn, show, check, score, prune, simplify),
-    *(train, evaluate),
+    *(train, evaluate, drive),
     *(node, record, play),
     *(demo, bench, experiment),
 ):

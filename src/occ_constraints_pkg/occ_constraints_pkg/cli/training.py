@@ -1,15 +1,16 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""``occ train`` and ``occ evaluate``."""
+"""``occ train``, ``evaluate`` and ``drive``."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import click
 
 from occ_constraints_pkg.cli.common import JSON, end_tidily, print_json, progress_bar
-from occ_constraints_pkg.errors import import_needed
+from occ_constraints_pkg.errors import OccError, import_needed
 
 
 @click.command()
@@ -99,8 +100,8 @@ def train(
 
 
 @click.command()
-@click.argument('policy', type=click.Path())
-@click.option('--world', help='Default: the one the policy was trained on.')
+@click.argument('policy', metavar='POLICY|DRIVER', type=click.Path())
+@click.option('--world', help='Default: the one the policy was trained on; a driver needs one.')
 @click.option('--episodes', default=50, type=click.IntRange(min=1), show_default=True)
 @click.option('--seed', default=1, type=click.IntRange(min=0), show_default=True)
 @click.option('--explore', is_flag=True, help='Sample actions instead of taking the mean.')
@@ -108,24 +109,26 @@ def train(
 def evaluate(
     policy: str, world: str | None, episodes: int, seed: int, explore: bool, as_json: bool
 ) -> None:
-    """Drive fresh episodes with a trained policy; print return and true cost.
+    """Drive fresh episodes with a trained policy or a driver; print return and true cost.
 
     \b
-    Example: occ evaluate runs/mine/policy.npz --episodes 50
+    Examples: occ evaluate runs/mine/policy.npz --episodes 50
+              occ evaluate expert --world CarGoal1
     """
     import numpy as np
 
+    from occ_constraints_pkg.agents.drivers import find_driver
     from occ_constraints_pkg.agents.evaluation import evaluate as run_evaluation
     from occ_constraints_pkg.agents.policy import GaussianPolicy
     from occ_constraints_pkg.worlds.registry import make_world
 
-    trained = GaussianPolicy.load(policy)
-    simulated = make_world(world or trained.world, min(episodes, 64))
-    trained.check_world(simulated.columns, simulated.action_columns)
-    rng = np.random.default_rng(seed) if explore else None
-    result = run_evaluation(
-        simulated, lambda rows: trained.act(rows, rng), episodes=episodes, seed=seed
-    )
+    if world is None:
+        if not policy.endswith('.npz'):
+            raise OccError(f'{policy!r} is no policy file (.npz), and a driver needs --world')
+        world = GaussianPolicy.load(policy).world
+    simulated = make_world(world, min(episodes, 64))
+    driver = find_driver(simulated, policy, np.random.default_rng(seed), explore=explore)
+    result = run_evaluation(simulated, driver, episodes=episodes, seed=seed)
     simulated.close()
     numbers = result.as_dict()
     if as_json:
@@ -133,3 +136,54 @@ def evaluate(
         return
     for name, value in numbers.items():
         click.echo(f'{name}: {value:.3f}')
+
+
+@click.command()
+@click.argument('world')
+@click.option('--driver', default='expert', show_default=True, help='A driver or a policy file.')
+@click.option(
+    '-o',
+    '--output',
+    default='drive.gif',
+    show_default=True,
+    type=click.Path(),
+    help='.png: picture of the path; .gif, or .mp4 with ffmpeg: film.',
+)
+@click.option(
+    '--steps', type=click.IntRange(min=1), help='At most so many. Default: a whole episode.'
+)
+@click.option('--seed', default=0, type=click.IntRange(min=0), show_default=True)
+@JSON
+def drive(
+    world: str, driver: str, output: str, steps: int | None, seed: int, as_json: bool
+) -> None:
+    """Drive one episode of a Safety-Gym task and draw it from above.
+
+    \b
+    Example: occ drive CarPush1 --driver expert -o drive.gif
+    """
+    import numpy as np
+
+    from occ_constraints_pkg.agents.drivers import find_driver
+    from occ_constraints_pkg.worlds.registry import make_world
+
+    film = import_needed('occ drive', 'occ_constraints_pkg.report.film')
+    simulated = make_world(world, 1)
+    act = find_driver(simulated, driver, np.random.default_rng(seed))
+    with progress_bar('drawing') as progress:
+        numbers = film.draw_episode(
+            Path(output),
+            simulated,
+            act,
+            steps=steps or simulated.max_episode_steps,
+            seed=seed,
+            progress=progress,
+        )
+    simulated.close()
+    if as_json:
+        print_json({'output': output, **numbers})
+        return
+    click.echo(
+        f'{output}: {numbers["steps"]} steps, return {numbers["return"]:.2f}, '
+        f'cost {numbers["cost"]:.0f}'
+    )

@@ -10,12 +10,13 @@ from collections.abc import Sequence
 import click
 
 import occ_constraints_pkg
+from occ_constraints_pkg.cli.drive import drive
 from occ_constraints_pkg.cli.experiments import bench, demo, experiment
 from occ_constraints_pkg.cli.features import features
 from occ_constraints_pkg.cli.learning import learn
 from occ_constraints_pkg.cli.nodes import node, play, record
 from occ_constraints_pkg.cli.rules import check, prune, score, show, simplify
-from occ_constraints_pkg.cli.training import drive, evaluate, train
+from occ_constraints_pkg.cli.training import evaluate, train
 from occ_constraints_pkg.errors import OccError
 
 

@@ -290,3 +290,45 @@ def depth(
         return
     click.echo(describe_depths(results))
     click.echo(f'Written to {folder / "depth.json"} and {folder / "depth.png"}')
+
+
+@experiment.command()
+@click.option('-o', '--output', default='transfer', show_default=True, type=click.Path())
+@click.option('--source', default='PointGoal1', show_default=True, help='World of the expert.')
+@click.option('--target', help='World of the trainings; default: the same.')
+@click.option(
+    '--expert', default='expert', show_default=True, help='Policy file, or the name of a driver.'
+)
+@click.option('--demonstrations', default=50, show_default=True, help='Episodes of the expert.')
+@click.option('--cost-limit', default='demonstrations', show_default=True)
+@click.option('--steps', default=4_000_000, show_default=True, help='Robot steps per training.')
+@click.option('--first-seed', default=0, show_default=True)
+@click.option('--seeds', default=3, show_default=True, help='Trainings.')
+@JSON
+def transfer(output: str, as_json: bool, **given: Any) -> None:
+    """Learn rules from an expert, train with them, compare; writes transfer.json.
+
+    A stopped run goes on where it was.
+
+    \b
+    Example: occ experiment transfer --expert runs/expert/policy.npz -o results/transfer
+    """
+    module = import_needed('occ experiment', 'occ_constraints_pkg.experiments.transfer')
+    given['target'] = given['target'] or given['source']
+    settings = module.TransferSettings(**given)
+    total = settings.steps * settings.seeds
+    with progress_bar('training', detail=True) as progress:
+        result = module.run_transfer(
+            Path(output),
+            settings,
+            progress=lambda latest: progress(sum(line['steps'] for line in latest.values()), total),
+        )
+    if as_json:
+        print_json(result)
+        return
+    for name in ('expert', 'trained_mean'):
+        line = result[name]
+        click.echo(
+            f'{name.replace("_", " ")}: return {line["return"]:.2f}, true cost {line["cost"]:.2f}, '
+            f'learned cost {line["learned_cost"]:.2f}'
+        )

@@ -189,20 +189,29 @@ def score(constraints: str, paths: tuple[str, ...], min_f1: float | None, as_jso
     help='Disable rules violated in a smaller share of their evaluations.',
 )
 @click.option('-o', '--output', type=click.Path(), help='File to write; default: in place.')
+@click.option(
+    '--counts', type=click.Path(), help="Counters of a monitor (its counts_file); default: FILE's."
+)
 @JSON
-def prune(constraints: str, threshold: float, output: str | None, as_json: bool) -> None:
+def prune(
+    constraints: str, threshold: float, output: str | None, counts: str | None, as_json: bool
+) -> None:
     """Disable rules that are rarely violated, by the counters in the file.
 
-    The counters come from `occ check --count`, from a monitor (~/prune) or from `occ train`.
+    The counters come from `occ check --count`, from `occ train`, or from a monitor (--counts).
 
     \b
     Example: occ prune constraints.yaml --threshold 0.001 -o pruned.yaml
     """
     from occ_constraints_pkg.learning.pruning import prune as prune_rules
     from occ_constraints_pkg.rules.constraints_file import load_constraints
+    from occ_constraints_pkg.rules.kept_counts import read_counts
 
     loaded = load_constraints(constraints)
-    result = prune_rules(loaded.rule_set, threshold)
+    rule_set = loaded.rule_set
+    if counts is not None:
+        rule_set = rule_set.with_counts(read_counts(counts, rule_set))
+    result = prune_rules(rule_set, threshold)
     pruned = loaded.with_rule_set(result.rule_set)
     target = output or constraints
     pruned.save(target)

@@ -74,12 +74,16 @@ def learn(
     rule_set = formula.rule_set
     safe = is_safe(rule_set, training)
     held_out = samples.held_out
+    held_out_safe = is_safe(rule_set, held_out)
     coverage = {
         'training_samples': len(training),
         'training': float(np.mean(safe)),
         'held_out_episodes': samples.held_out_episodes,
         'held_out_samples': len(held_out),
-        'held_out': float(np.mean(is_safe(rule_set, held_out))) if len(held_out) else None,
+        'held_out': float(np.mean(held_out_safe)) if len(held_out) else None,
+        # An unusable sample is UNKNOWN, which costs as much as a violation.
+        'cost_per_episode': int((~safe).sum() + (~held_out_safe).sum() + samples.unusable)
+        / len(np.unique(episodes)),
     }
     evidence = {}
     if formula.after[1] <= MOST_LITERALS:

@@ -8,7 +8,7 @@
 import pytest
 from fuzzing import SECONDS_ALLOWED, watched
 
-FEW, MANY, STEP = 160, 10_000, 2_500
+FEW, MANY, STEP = 80, 10_000, 2_500
 
 
 def check(module, first, count):

@@ -15,7 +15,7 @@ from occ_constraints_pkg.bags.columns import BlockExtractor, RowBlock
 from occ_constraints_pkg.bags.dataset import ORIGIN, Dataset
 from occ_constraints_pkg.bags.feature_map import FeatureMap, topic_key
 from occ_constraints_pkg.bags.fields import MessageReader, header_stamp_ns
-from occ_constraints_pkg.bags.manifest import select
+from occ_constraints_pkg.bags.manifest import Selection, select
 from occ_constraints_pkg.bags.recording import RawMessage, Recording
 from occ_constraints_pkg.bags.sources import Reading
 from occ_constraints_pkg.bags.storage import Block
@@ -290,7 +290,7 @@ def extract(
         for recording, topics in zip(recordings, wanted, strict=True)
         for topic in topics.values()
     )
-    done, parts, episodes = 0, [], 0
+    done, parts, episodes, warnings = 0, [], 0, []
     for recording, topics, selection in zip(recordings, wanted, selections, strict=True):
         part = _Part()
         if BlockExtractor.reads(recording, topics, feature_map):
@@ -299,8 +299,7 @@ def extract(
             blocks = _MessageExtractor(recording, topics, feature_map)
         for block in recording.blocks(list(topics.values())):
             for rows in blocks.rows(block):
-                times = rows.times_ns - recording.start_ns
-                part.add(rows, times, selection.stretches(times))
+                part.add(rows, rows.times_ns - recording.start_ns, selection)
             done += len(block)
             if progress is not None:
                 progress(done, total)
@@ -312,6 +311,8 @@ def extract(
                 + f'{part.where}; allowed is one or more'
             )
         episodes += part.number_episodes(episodes, str(recording.path))
+        warnings += recording.warnings
+        warnings += part.unused(selection, str(recording.path))
         parts.append(part)
     costs = [cost for part in parts for cost in part.costs]
     return Dataset(
@@ -327,7 +328,7 @@ def extract(
             | selection.to_document()
             for recording, selection in zip(recordings, selections, strict=True)
         ),
-        warnings=tuple(text for recording in recordings for text in recording.warnings),
+        warnings=tuple(warnings),
         origins=np.concatenate([origins for part in parts for origins in part.origins]),
     )
 
@@ -417,9 +418,14 @@ class _Part:
         self.has_cost = False
         self.where = ''
         self._episodes: list[np.ndarray] = []
+        self._included: set[int] = set()
 
-    def add(self, rows: RowBlock, times_ns: np.ndarray, stretches: np.ndarray) -> None:
-        """Add those rows that lie in a stretch to use."""
+    def add(self, rows: RowBlock, times_ns: np.ndarray, selection: Selection) -> None:
+        """Add those rows that lie in a stretch to use; their times are from the first message."""
+        stretches = selection.stretches(times_ns)
+        for number, (low, high) in enumerate(selection.include):
+            if ((low <= times_ns) & (times_ns < high)).any():
+                self._included.add(number)
         count = len(rows.values)
         columns = () if rows.table is None else rows.table.names
         has_cost, has_episodes = 'true_cost' in columns, 'episode' in columns
@@ -442,6 +448,15 @@ class _Part:
         self.origins.append(origins[used])
         self.costs.append(cost[used].astype(np.float64))
         self._episodes.append(np.stack([robots, numbers, stretches], axis=1)[used])
+
+    def unused(self, selection: Selection, where: str) -> list[str]:
+        """Return a sentence for each interval in which there is no row."""
+        return [
+            f'{where}: no row lies in the interval from {low / 1e9} to {high / 1e9} s, which the '
+            'manifest includes'
+            for number, (low, high) in enumerate(selection.include)
+            if number not in self._included
+        ]
 
     def number_episodes(self, first: int, where: str) -> int:
         """Number the episodes from ``first`` on; return how many there are.

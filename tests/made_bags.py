@@ -120,5 +120,12 @@ features:
   - {name: yaw, topic: /odom, field: pose.pose.orientation, unit: rad, transform: yaw}
   - {name: closest, topic: /scan, field: 'ranges[:]', unit: m, reduce: min, missing: max_range}
   - {name: ahead, topic: /scan, field: 'ranges[0:5]', unit: m, reduce: mean, missing: max_range}
+  - {name: sector, topic: /scan, field: ranges, unit: m, sectors: 3, reduce: min, missing: drop}
+  - {name: gain, topic: /odom, field: twist.twist.linear.x, unit: m/s^2, transform: rate}
   - {name: command, topic: /cmd_vel, field: linear.x, unit: m/s}
+  - name: lag
+    topic: /cmd_vel
+    field: linear.x
+    unit: m/s
+    minus: {topic: /odom, field: twist.twist.linear.x}
 """

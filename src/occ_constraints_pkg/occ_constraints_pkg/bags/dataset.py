@@ -24,8 +24,9 @@ class Dataset:
         episodes: (n,) int64, the same number for rows of one recording, robot and episode.
         true_cost: (n,) float64, the simulated world's own cost, NaN for rows of recordings that
             lack it; None when all lack it.
-        times_ns: (n,) int64, arrival of the row's pace message, ns from the first message of its
-            recording; None for table files.
+        times_ns: (n,) int64, ns from the first message of the row's recording to the arrival of its
+            pace message; where that is a table, from the first table, by their stamps, which are
+            simulated time. None for table files.
         recordings: (n,) int64, which of the sources each row comes from; None: all from the first.
         sources: :meth:`Recording.fingerprint` of each recording; of a table file ``name``,
             ``sha256`` and ``rows``.

@@ -11,12 +11,13 @@ from typing import Any
 
 import numpy as np
 
+from occ_constraints_pkg.bags.collected import CollectedRows
 from occ_constraints_pkg.bags.columns import BlockExtractor, RowBlock
 from occ_constraints_pkg.bags.dataset import Dataset
 from occ_constraints_pkg.bags.feature_map import FeatureMap, topic_key
 from occ_constraints_pkg.bags.fields import header_stamp_ns
 from occ_constraints_pkg.bags.held import Held, TopicReader
-from occ_constraints_pkg.bags.manifest import Selection, select
+from occ_constraints_pkg.bags.manifest import select
 from occ_constraints_pkg.bags.recording import RawMessage, Recording
 from occ_constraints_pkg.bags.storage import Block
 from occ_constraints_pkg.bags.table import Table
@@ -202,7 +203,8 @@ def extract(
         feature_map: what to compute.
         progress: called with the number of messages of needed topics so far, and the number in
             all recordings.
-        provenance: whether the sources have hashes, for which the files are read once more.
+        provenance: whether the sources tell hashes, for which the files are read once more, and
+            not only names.
 
     Raises:
         OccError: no recordings; one cannot be read, lacks a topic, field or column of the map, or
@@ -223,14 +225,14 @@ def extract(
     )
     done, parts, episodes, warnings = 0, [], 0, []
     for recording, topics, selection in zip(recordings, wanted, selections, strict=True):
-        part = _Part()
+        part, start = CollectedRows(), recording.start_ns
         if BlockExtractor.reads(recording, topics, feature_map):
             blocks = BlockExtractor(recording, topics, feature_map)
         else:
             blocks = _MessageExtractor(recording, topics, feature_map)
         for block in recording.blocks(list(topics.values())):
             for rows in blocks.rows(block):
-                part.add(rows, rows.times_ns - recording.start_ns, selection)
+                part.add(rows, rows.times_ns - start, selection)
             done += len(block)
             if progress is not None:
                 progress(done, total)
@@ -332,70 +334,3 @@ class _MessageExtractor:
                     np.full(count, raw.log_time_ns, dtype=np.int64),
                     rows.table,
                 )
-
-
-class _Part:
-    """The rows of one recording while they are collected."""
-
-    def __init__(self) -> None:
-        self.values: list[np.ndarray] = []
-        self.stamps: list[np.ndarray] = []
-        self.times: list[np.ndarray] = []
-        self.costs: list[np.ndarray] = []
-        self.episodes = np.empty(0, dtype=np.int64)
-        self.has_cost = False
-        self.where = ''
-        self._episodes: list[np.ndarray] = []
-        self._included: set[int] = set()
-
-    def add(self, rows: RowBlock, times_ns: np.ndarray, selection: Selection) -> None:
-        """Add those rows that lie in a stretch to use; their times are from the first message."""
-        stretches = selection.stretches(times_ns)
-        for number, (low, high) in enumerate(selection.include):
-            if ((low <= times_ns) & (times_ns < high)).any():
-                self._included.add(number)
-        count = len(rows.values)
-        columns = () if rows.table is None else rows.table.names
-        has_cost, has_episodes = 'true_cost' in columns, 'episode' in columns
-        nothing = np.zeros(count)
-        robots = np.arange(count) if has_episodes else nothing
-        numbers = rows.table.column('episode').astype(np.float64) if has_episodes else nothing
-        cost = rows.table.column('true_cost') if has_cost else np.full(count, np.nan)
-        used = stretches >= 0
-        if not used.any():
-            self.where = ', in the intervals to use' if count else self.where
-            return
-        self.has_cost = self.has_cost or has_cost
-        self.values.append(rows.values[used])
-        self.stamps.append(rows.stamps_ns[used])
-        self.times.append(times_ns[used])
-        self.costs.append(cost[used].astype(np.float64))
-        self._episodes.append(np.stack([robots, numbers, stretches], axis=1)[used])
-
-    def unused(self, selection: Selection, where: str) -> list[str]:
-        """Return a sentence for each interval in which there is no row."""
-        return [
-            f'{where}: no row lies in the interval from {low / 1e9} to {high / 1e9} s, which the '
-            'manifest includes'
-            for number, (low, high) in enumerate(selection.include)
-            if number not in self._included
-        ]
-
-    def number_episodes(self, first: int, where: str) -> int:
-        """Number the episodes from ``first`` on; return how many there are.
-
-        Raises:
-            OccError: the column ``episode`` holds something that is not finite.
-        """
-        triples = np.concatenate(self._episodes)
-        if not np.isfinite(triples).all():
-            raise OccError(f"{where} has values that are not finite in the column 'episode'")
-        # Sorting rows takes longer than reading them, and mostly there is little to sort by.
-        varying = (triples != triples[0]).any(axis=0)
-        if varying.sum() < 2:
-            keys, axis = triples[:, varying.argmax()], None
-        else:
-            keys, axis = triples, 0
-        unique, inverse = np.unique(keys, axis=axis, return_inverse=True)
-        self.episodes = inverse.reshape(-1).astype(np.int64) + first
-        return len(unique)

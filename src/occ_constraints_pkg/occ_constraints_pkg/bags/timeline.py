@@ -62,7 +62,7 @@ class Timeline:
     Attributes:
         data: what was judged.
         judgement: of its rows.
-        unit: ``s`` since the start of the recording; ``row`` for tables, which know no time.
+        unit: ``s`` since the start of the recording; ``row`` for table files, which know no time.
         starts: (n,) when each row's verdict begins.
         stands: (n,) how long it stands.
         silence: (n,) how much longer nothing came, which counts as UNKNOWN.
@@ -86,14 +86,15 @@ class Timeline:
 
     @property
     def shares(self) -> dict[str, float]:
-        """Share of the time of each verdict, by its name; NaN where no time passes."""
+        """Share of the time of each verdict, by its name; of the samples where no time passes."""
+        weights = self.stands if self.duration else np.ones(len(self.data))
         times = {
-            verdict.name: float(self.stands[self.judgement.verdict == verdict].sum())
+            verdict.name: float(weights[self.judgement.verdict == verdict].sum())
             for verdict in Verdict
         }
         times['UNKNOWN'] += float(self.silence.sum())
-        total = sum(times.values())
-        return {name: time / total if total else np.nan for name, time in times.items()}
+        total = max(sum(times.values()), np.finfo(np.float64).tiny)
+        return {name: time / total for name, time in times.items()}
 
 
 def make_timeline(
@@ -172,7 +173,8 @@ class _Clock:
         times, episodes = self._data.times_ns[self._order], self._data.episodes[self._order]
         gaps = np.zeros(len(times))
         for first, last in _runs(episodes[1:] == episodes[:-1], len(times)):
-            steps = np.diff(times[first : last + 1]) * 1e-9
+            # Stamps, of which tables have their time, may go back.
+            steps = np.maximum(np.diff(times[first : last + 1]), 0) * 1e-9
             gaps[first:last] = steps
             gaps[last] = np.median(steps) if len(steps) else 0.0
         return gaps[self._rank]

@@ -143,13 +143,12 @@ class Monitor(OccNode):
             return
         if rows is None:
             return
-        answer = self._answer
-        if rows.repeat and answer is not None:
+        if rows.repeat and self._answer is not None:
             # Nothing new: in lock-step somebody may wait for the answer, but a sensor that only
             # repeats itself must not pass for a live one.
-            self._costs.publish(table_message(costs_table(answer.judgement), rows.stamp_ns))
+            self._costs.publish(table_message(costs_table(self._answer.judgement), rows.stamp_ns))
             if not self._is_stale:
-                self._publish_verdict(answer)
+                self._publish_verdict(self._answer)
             return
         self._heard, self._is_stale = self.steady_seconds(), False
         problem = self._arrival.problem() if self._enabled else _DISABLED

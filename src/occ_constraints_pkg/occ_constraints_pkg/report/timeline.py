@@ -39,11 +39,10 @@ def describe_timeline(timeline: Timeline, rule_set: RuleSet) -> str:
 
 def timeline_document(timeline: Timeline, rule_set: RuleSet) -> dict[str, Any]:
     """Return the timeline as plain values, ready for JSON."""
-    shares = {name: _finite(share) for name, share in timeline.shares.items()}
     return {
         'unit': timeline.unit,
         'duration': timeline.duration,
-        'shares_of_time': shares,
+        'shares_of_time': timeline.shares,
         'silence': float(timeline.silence.sum()),
         'sources': [source['name'] for source in timeline.data.sources],
         'violations': [_violation_entry(item, timeline, rule_set) for item in timeline.violations],
@@ -153,7 +152,3 @@ def _unit(timeline: Timeline) -> str:
 
 def _count(number: int, noun: str) -> str:
     return f'{number} {noun}' if number == 1 else f'{number} {noun}s'
-
-
-def _finite(value: float) -> float | None:
-    return value if np.isfinite(value) else None

@@ -12,7 +12,14 @@ from occ_constraints_pkg.errors import OccError
 
 
 class CollectedRows:
-    """The rows of one recording while they are collected."""
+    """The rows of one recording while they are collected.
+
+    Attributes:
+        values, stamps, times, costs: arrays of each block of rows, as a dataset has them.
+        episodes: (n,) set by :meth:`number_episodes`.
+        has_cost: whether some rows came with a true cost.
+        where: what to add to a sentence that no row was there.
+    """
 
     def __init__(self) -> None:
         self.values: list[np.ndarray] = []

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Commands on a constraints file: ``occ show``, ``check``, ``score`` and ``prune``."""
+"""Commands on a constraints file: ``occ show``, ``check``, ``score``, ``prune`` and ``export``."""
 
 from __future__ import annotations
 
@@ -172,3 +172,33 @@ def prune(constraints: str, threshold: float, output: str | None, as_json: bool)
         return
     click.echo(describe_rules(pruned, counters=True))
     click.echo(f'{len(result.pruned)} rules disabled; written to {target}')
+
+
+@click.group()
+def export() -> None:
+    """Write rules in a form that other programs use without this package."""
+
+
+@export.command()
+@click.argument('constraints', type=click.Path())
+@click.option('-o', '--output', type=click.Path(), help='File to write; default: stdout.')
+@click.option('--prefix', default='occ', show_default=True, help='Begins every name in the file.')
+def c(constraints: str, output: str | None, prefix: str) -> None:
+    """Write the rules as one C99 header with a function PREFIX_judge.
+
+    It gives the same verdict, rule and margin as the monitor.
+
+    \b
+    Example: occ export c constraints.yaml -o rules.h
+    """
+    from occ_constraints_pkg.files import replacing
+    from occ_constraints_pkg.rules.constraints_file import load_constraints
+    from occ_constraints_pkg.rules.export_c import export_c
+
+    text = export_c(load_constraints(constraints).rule_set, prefix)
+    if output is None:
+        click.echo(text, nl=False)
+        return
+    with replacing(output) as draft:
+        draft.write_text(text, encoding='utf-8')
+    click.echo(f'Written to {output}')

@@ -176,7 +176,11 @@ def prune(constraints: str, threshold: float, output: str | None, as_json: bool)
 
 @click.group()
 def export() -> None:
-    """Write rules in a form that other programs use without this package."""
+    """Write rules in a form that other programs use without this package.
+
+    \b
+    Example: occ export c constraints.yaml -o rules.h
+    """
 
 
 @export.command()

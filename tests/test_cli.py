@@ -52,17 +52,10 @@ def files(tmp_path_factory):
 
 
 @pytest.fixture
-def occ(files, monkeypatch, capsys):
+def occ(files, run_occ, monkeypatch):
     """Return a function that runs ``occ`` in that folder: exit code, stdout, stderr."""
     monkeypatch.chdir(files)
-
-    def run(line):
-        capsys.readouterr()
-        code = main(line.split())
-        out, err = capsys.readouterr()
-        return code, out, err
-
-    return run
+    return run_occ
 
 
 @pytest.mark.parametrize('name', COMMANDS)
@@ -88,7 +81,7 @@ MISTAKES = {
     'learn nowhere -m simple_nav': 'there is no recording at nowhere',
     'learn empty -m simple_nav': 'empty holds no messages',
     'learn elsewhere -m simple_nav': "no topic 'observation'",
-    'learn rules.yaml -m simple_nav': 'rules.yaml is not a recording',
+    'learn rules.yaml -m simple_nav': 'allowed keys are schema_version, recordings',
     'learn careful -m simple_nave': "did you mean 'simple_nav'",
     'learn careful -m nowhere.yaml': "no feature map 'nowhere.yaml'",
     'learn careful -m simple_nav --contamination 2': 'contamination is 2.0',

@@ -2,8 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every way to evaluate rules agrees, bit for bit, with a plain loop over literals."""
 
+import copy
 import math
 import operator
+import pickle
 
 import numpy as np
 import pytest
@@ -143,6 +145,16 @@ def test_names_and_kinds_of_numbers_do_not_matter():
     assert rule_set.verdict([1, 0]) is Verdict.VIOLATED
     assert rule_set.verdict(rows[1].astype(np.float32)) is Verdict.VIOLATED
     assert_all_ways_agree(rule_set, rows)
+
+
+def test_a_rule_set_that_has_judged_can_be_pickled_and_copied():
+    space = FeatureSpace((Feature('x'),))
+    rule_set = RuleSet(space, (Rule('R', (Literal(0, '>', 1.0),)),), np.array([[0.0, 1.0]]))
+    rows = np.array([[0.0], [2.0]])
+    rule_set.judge(rows)
+    for other in (pickle.loads(pickle.dumps(rule_set)), copy.deepcopy(rule_set)):
+        assert other.fingerprint == rule_set.fingerprint
+        assert_all_ways_agree(other, rows)
 
 
 def test_one_sample_of_another_shape():

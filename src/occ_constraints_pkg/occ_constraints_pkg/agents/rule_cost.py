@@ -34,7 +34,7 @@ class RuleCost:
         feature_map = FeatureMap.from_document(constraints.feature_map, 'the constraints')
         names = [column.name for column in world.columns]
         for source in feature_map.features:
-            if source.column not in names or source.transform:
+            if source.column not in names or not source.is_plain_column:
                 raise OccError(
                     f'feature {source.name!r} is no column of the observation of {world.name}; '
                     f'its columns are {", ".join(names)}'

@@ -126,6 +126,16 @@ class Witness:
         while not condition() and time.monotonic() < end:
             self._executor.spin_until_future_complete(never, _LOOK_SECONDS)
 
+    def spin_until_done(self, future: Future, seconds: float) -> None:
+        """Listen until a future has its result, without the delay of looking for it.
+
+        Raises:
+            OccError: it does not have it within ``seconds``.
+        """
+        self._executor.spin_until_future_complete(future, seconds)
+        if not future.done():
+            raise OccError(f'no answer came within {seconds:g} s')
+
     def call(self, kind: type, service: str, seconds: float = 30.0, **fields: Any) -> Any:
         """Call a service and return its answer.
 

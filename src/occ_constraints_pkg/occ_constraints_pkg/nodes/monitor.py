@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,11 +14,13 @@ from std_msgs.msg import Float64, String
 from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import MarkerArray
 
-from occ_constraints_pkg.bags.extract import FeatureExtractor, FeatureRows, header_stamp_ns
+from occ_constraints_pkg.bags.extract import FeatureExtractor, FeatureRows
 from occ_constraints_pkg.bags.feature_map import map_of
+from occ_constraints_pkg.bags.fields import header_stamp_ns
 from occ_constraints_pkg.bags.table import Table
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.learning.pruning import prune
+from occ_constraints_pkg.ros.arrival import ArrivalClock
 from occ_constraints_pkg.ros.diagnostics import report_message, unknown_message, violation_message
 from occ_constraints_pkg.ros.mapped_topics import MappedTopics
 from occ_constraints_pkg.ros.markers import verdict_marker
@@ -74,8 +75,8 @@ class Monitor(OccNode):
         # Why nothing is judged; empty while the newest input is.
         self._problem = 'no rule set yet'
         self._stamp_ns = 0
-        self._heard = self.steady_seconds()
-        self._is_stale = False
+        self._arrival = ArrivalClock(self, self._timeout)
+        self._heard, self._is_stale = self.steady_seconds(), False
 
         self._cost = self._publisher(Float64, 'cost')
         self._costs = self._publisher(PointCloud2, 'costs')
@@ -129,8 +130,7 @@ class Monitor(OccNode):
             self.get_logger().warning(f'{where} enables no rule, so nothing will be a violation')
 
     def _on_input(self, topic: str, message: Any) -> None:
-        # Wall time, for the ROS clock may stand still, and ages with it.
-        now = time.time_ns()
+        now = self._arrival.now_ns()
         try:
             rows = self._extractor.push(topic, message, now)
             if rows is not None and not len(rows.values):
@@ -143,17 +143,18 @@ class Monitor(OccNode):
             return
         if rows is None:
             return
-        answer = self._answer
-        if rows.repeat and answer is not None:
+        if rows.repeat and self._answer is not None:
             # Nothing new: in lock-step somebody may wait for the answer, but a sensor that only
             # repeats itself must not pass for a live one.
-            self._costs.publish(table_message(costs_table(answer.judgement), rows.stamp_ns))
+            self._costs.publish(table_message(costs_table(self._answer.judgement), rows.stamp_ns))
             if not self._is_stale:
-                self._publish_verdict(answer)
+                self._publish_verdict(self._answer)
             return
         self._heard, self._is_stale = self.steady_seconds(), False
-        if not self._enabled:
-            self._say_unknown(_DISABLED, rows.stamp_ns)
+        problem = self._arrival.problem() if self._enabled else _DISABLED
+        if problem:
+            self._answer = None
+            self._say_unknown(problem, rows.stamp_ns)
             return
         judgement = self._constraints.rule_set.judge(rows.values)
         self._counts.add(judgement)

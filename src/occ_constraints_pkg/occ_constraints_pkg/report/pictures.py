@@ -18,7 +18,7 @@ from matplotlib.patches import Circle
 
 from occ_constraints_pkg.agents.rule_cost import RuleCost
 from occ_constraints_pkg.rules.ruleset import RuleSet
-from occ_constraints_pkg.worlds.point_goal import GOAL_RADIUS, HAZARD_RADIUS, PointGoal1
+from occ_constraints_pkg.worlds.safety_gym import GOAL_RADIUS, PointGoal1
 from occ_constraints_pkg.worlds.stream import EpisodeStream
 
 _SAFE, _VIOLATED, _HAZARD, _GOAL = '#3b6ea5', '#c8362b', '#b9a3d3', '#6aa84f'
@@ -54,7 +54,7 @@ def draw_drives(
         world.close()
         places, bad = np.array(path_xy), np.array(flagged)
         for centre in scene['hazards']:
-            axis.add_patch(Circle(centre, HAZARD_RADIUS, color=_HAZARD, alpha=0.6, lw=0))
+            axis.add_patch(Circle(centre, world.hazard_radius, color=_HAZARD, alpha=0.6, lw=0))
         for centre in np.unique(np.array(goals), axis=0):
             axis.add_patch(Circle(centre, GOAL_RADIUS, color=_GOAL, alpha=0.35, lw=0))
         axis.plot(*places.T, color=_SAFE, lw=1.2)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from occ_constraints_pkg.rules.formula import Disjunction, Group
-from occ_constraints_pkg.rules.rule import OPERATORS, Literal, Rule
+from occ_constraints_pkg.rules.rule import Literal, Rule
 from occ_constraints_pkg.rules.space import FeatureSpace
 from occ_constraints_pkg.rules.verdict import Verdict
 
@@ -22,7 +22,7 @@ class OneRow:
     NumPy needs about a microsecond per call, whatever it computes. For one sample, comparing
     Python floats is faster, if there is no loop and the bounds are constants. So the rules are
     written as functions. Only positions of features, floats and one of four operators go into
-    their text; nothing that a constraints file says in words does.
+    their text (a :class:`Literal` admits no other); nothing that a file says in words does.
 
     Args:
         space: the features.
@@ -124,8 +124,7 @@ def _all(literals: Iterable[Literal]) -> str:
 
 
 def _text(literal: Literal) -> str:
-    operator = OPERATORS[OPERATORS.index(literal.operator)]
-    return f'x{int(literal.feature)} {operator} {float(literal.bound)!r}'
+    return f'x{int(literal.feature)} {literal.operator} {float(literal.bound)!r}'
 
 
 def _distance(literal: Literal, scale: list[float]) -> str:

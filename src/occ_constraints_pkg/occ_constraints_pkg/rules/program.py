@@ -52,7 +52,7 @@ class Program:
     def run(self, columns: np.ndarray) -> np.ndarray:
         """Return (n,) truth or margin of n samples, given as (k, n) columns.
 
-        Raises nothing for numbers that are not finite; what these give has no meaning.
+        What numbers that are not finite give has no meaning.
         """
         registers = np.empty((self._registers, columns.shape[1]), dtype=self._type)
         operands = [*columns, *self._constants, *registers[::-1]]
@@ -72,18 +72,21 @@ class Program:
         free = register
         for group in formula.ends:
             self._write_group(group, self._either, free)
-            free = self._join(self._either, register, free)
+            free = self._join(register, free)
         for condition, inner in formula.parts:
             self._write_disjunction(inner, free)
             for group in condition:
                 self._write_group(group, self._both, free + 1)
                 self._write(self._both, ~free, ~(free + 1), free)
-            free = self._join(self._either, register, free)
+            free = self._join(register, free)
 
-    def _join(self, call: np.ufunc, register: int, free: int) -> int:
-        """Write what takes the value in ``free`` to that in ``register``; return the next free."""
+    def _join(self, register: int, free: int) -> int:
+        """Write what adds the value in ``free`` to a disjunction; return the next free register.
+
+        The disjunction's first value is in its register already.
+        """
         if free != register:
-            self._write(call, ~register, ~free, register)
+            self._write(self._either, ~register, ~free, register)
         return register + 1
 
     def _write_group(self, group: Group, combine: np.ufunc, register: int) -> None:

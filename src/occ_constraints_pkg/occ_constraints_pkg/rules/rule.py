@@ -5,12 +5,16 @@
 from __future__ import annotations
 
 import math
+import operator
 from dataclasses import dataclass
+
+import numpy as np
 
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.rules.space import FeatureSpace
 
 OPERATORS = ('<', '<=', '>', '>=')
+_COMPARE = {'<': operator.lt, '<=': operator.le, '>': operator.gt, '>=': operator.ge}
 
 
 @dataclass(frozen=True)
@@ -52,6 +56,10 @@ class Literal:
     def text(self, space: FeatureSpace) -> str:
         """Return the literal in symbols with the exact bound, for example ``v_x > 1.46``."""
         return f'{space.names[self.feature]} {self.operator} {float(self.bound)!r}'
+
+    def holds(self, values: np.ndarray) -> np.ndarray:
+        """Tell for each value (n,) of the feature whether it makes the literal true: (n,) bool."""
+        return _COMPARE[self.operator](values, self.bound)
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -77,6 +78,10 @@ class RuleSet:
                     f'rule {rule.id!r} can never be true: {rule.formula(self.space)}; allowed '
                     'are literals that hold together, or the rule disabled'
                 )
+
+    def __getstate__(self) -> dict[str, Any]:
+        # Pickles and copies make anew what is derived; a written function cannot be pickled.
+        return {name: self.__dict__[name] for name in ('space', 'rules', 'demonstrated')}
 
     @cached_property
     def scale(self) -> np.ndarray:

@@ -10,6 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.worlds.view import RobotView
+
 
 @dataclass(frozen=True)
 class Column:
@@ -45,6 +48,8 @@ class World(ABC):
         action_columns: the action's columns, in order (a of them).
         step_seconds: simulated seconds per step.
         max_episode_steps: steps after which an episode is truncated.
+        view_kinds: what the ranges of :meth:`view` tell of; ``None`` if the world has no view of
+            its robots, as one without metres or headings has not.
     """
 
     name: str
@@ -53,6 +58,7 @@ class World(ABC):
     action_columns: tuple[Column, ...]
     step_seconds: float
     max_episode_steps: int
+    view_kinds: tuple[str, ...] | None = None
 
     @abstractmethod
     def reset(
@@ -86,6 +92,29 @@ class World(ABC):
         Raises:
             OccError: the action has the wrong shape or is not finite.
         """
+
+    def view(self, row: int) -> RobotView:
+        """Return one robot as ROS and pictures see it; only where there are :attr:`view_kinds`.
+
+        Args:
+            row: index of the robot.
+        """
+        raise OccError(f'world {self.name} has no view of its robots')
+
+    def action_for(self, row: int, speed: float, turning: float) -> np.ndarray:
+        """Return the action that makes a robot drive as a velocity command asks.
+
+        Only where there are :attr:`view_kinds`.
+
+        Args:
+            row: index of the robot.
+            speed: ahead, in m/s.
+            turning: in rad/s, counter-clockwise.
+
+        Returns:
+            (a,) within the bounds of the action columns.
+        """
+        raise OccError(f'robots of world {self.name} cannot be driven by velocity commands')
 
     def close(self) -> None:  # noqa: B027 - most worlds have nothing to release
         """Release threads and memory; the world may not be used afterwards."""

@@ -65,7 +65,7 @@ class SafetyGymWorld(World):
     hazard_radius: ClassVar[float]
     max_episode_steps = 1000
     state_names = (
-        '_rngs',
+        'generators',
         '_objects',
         '_to_go',
         '_steps',

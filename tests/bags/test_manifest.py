@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from occ_constraints_pkg.bags.demonstrations import learn_from_recordings
+from occ_constraints_pkg.bags.demonstrations import learn_from_files
 from occ_constraints_pkg.bags.extract import extract
 from occ_constraints_pkg.bags.feature_map import FeatureMap, FeatureSource
 from occ_constraints_pkg.bags.manifest import Selection, load_manifest, select
@@ -102,7 +102,7 @@ def test_every_command_takes_it(drives, capsys):
 
 
 def test_learning_notes_what_was_left_out(drives):
-    constraints = learn_from_recordings(
+    constraints = learn_from_files(
         [manifest(drives)], MAP, OCTreeSettings(), rng=np.random.default_rng(0)
     )
     assert constraints.provenance['bags'][0]['exclude'] == [[1.0, 2.5]]

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import stdtrit
 
-from occ_constraints_pkg.agents.policy import GaussianPolicy
+from occ_constraints_pkg.agents.drivers import find_driver
 from occ_constraints_pkg.agents.rule_cost import RuleCost
 from occ_constraints_pkg.agents.training import CostSource, TrueCost
 from occ_constraints_pkg.errors import OccError
@@ -112,8 +112,8 @@ def evaluate(
     return Evaluation(returns, costs, lengths)
 
 
-def evaluate_policy(
-    policy: GaussianPolicy,
+def evaluate_driver(
+    name: str,
     world: str,
     *,
     episodes: int,
@@ -121,26 +121,26 @@ def evaluate_policy(
     explore: bool = False,
     constraints: Constraints | None = None,
 ) -> Evaluation:
-    """Run fresh episodes of a world with a policy.
+    """Run fresh episodes of a world with a policy or a scripted driver.
 
     Args:
-        policy: drives.
+        name: who drives, see :func:`~occ_constraints_pkg.agents.drivers.find_driver`.
         world: name of the world.
         episodes: number of episodes, at least 1.
-        seed: of the world and of sampled actions.
-        explore: sample the actions instead of taking their mean.
+        seed: of the world and of the driver's random choices.
+        explore: sample the actions of a trained policy instead of taking their mean.
         constraints: rules that tell the cost; ``None`` for the world's own.
 
     Raises:
-        OccError: ``episodes`` is below 1, or policy or rules do not belong to the world.
+        OccError: ``episodes`` is below 1, there is no such driver, or policy or rules do not belong
+            to the world.
     """
     simulated = make_world(world, max(1, min(episodes, _MOST_ROBOTS)))
     try:
-        policy.check_world(simulated.columns, simulated.action_columns)
-        rng = np.random.default_rng(seed) if explore else None
+        driver = find_driver(simulated, name, np.random.default_rng(seed), explore=explore)
         return evaluate(
             simulated,
-            lambda rows: policy.act(rows, rng),
+            driver,
             episodes=episodes,
             seed=seed,
             cost_source=None if constraints is None else RuleCost(constraints, simulated),

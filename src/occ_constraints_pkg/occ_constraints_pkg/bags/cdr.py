@@ -204,6 +204,8 @@ class _Compiler:
         if self._depth > 32 or msgtype not in self._definitions:
             raise UnreadableError(f'{msgtype} is not defined, or contains itself')
         fields = self._definitions[msgtype][1]
+        if not fields:
+            raise UnreadableError(f'{msgtype} has no fields')
         names = [name for name, _ in fields]
         asked = {key: path for key, path in wanted.items() if path}
         for (number, _), path in wanted.items():

@@ -293,11 +293,11 @@ class TopicColumns:
 def _has_stamp(definitions: dict[str, Any], msgtype: str) -> bool:
     """Tell whether the type begins the way to a stamp as std_msgs/msg/Header has it."""
     for name in _STAMP[0][:-1]:
-        fields = dict(definitions[msgtype][1]) if msgtype in definitions else {}
-        if name not in fields or not isinstance(fields[name][1], str):
+        field = dict(definitions[msgtype][1] if msgtype in definitions else ()).get(name)
+        if field is None or not isinstance(field[1], str):
             return False
-        msgtype = fields[name][1]
-    return {'sec', 'nanosec'} <= {name for name, _ in definitions[msgtype][1]}
+        msgtype = field[1]
+    return msgtype in definitions and {'sec', 'nanosec'} <= dict(definitions[msgtype][1]).keys()
 
 
 def _is_understood(reading: Reading, kind: str) -> bool:

@@ -21,7 +21,9 @@ from rosbags.typesys import (
     get_typestore,
 )
 
-# The generated code of a definition that lacks a part fails on a plain lookup.
+from occ_constraints_pkg.bags.definitions import part_types
+
+# The parsers fail on wrong definitions in whichever way comes first.
 _WRONG = (TypesysError, KeyError, ValueError, SyntaxError, RecursionError, AssertionError)
 
 
@@ -49,6 +51,7 @@ def find_typestore(definition: str, kind: str, msgtype: str) -> Any:
         if definition.strip():
             store = get_typestore(Stores.EMPTY)
             store.register(_parsed(definition, kind, msgtype))
+        _check_parts(store.fielddefs, msgtype)
         store.get_msgdef(msgtype)
     except _WRONG as error:
         raise UndefinedTypeError(str(error)) from error
@@ -65,7 +68,7 @@ def find_definitions(definition: str, kind: str, msgtype: str) -> Mapping[str, A
     """
     try:
         if definition.strip():
-            return _parsed(definition, kind, msgtype)
+            return _empty_definitions() | _parsed(definition, kind, msgtype)
         return _jazzy().fielddefs
     except _WRONG as error:
         raise UndefinedTypeError(str(error)) from error
@@ -80,6 +83,22 @@ def _parsed(definition: str, kind: str, msgtype: str) -> dict[str, Any]:
         if part.strip():
             types.update(get_types_from_idl(part))
     return types
+
+
+def _check_parts(definitions: Mapping[str, Any], msgtype: str) -> None:
+    """Raise KeyError for a part that is not defined; the store would miss it when it decodes."""
+    checked, waiting = set(), [msgtype]
+    while waiting:
+        name = waiting.pop()
+        if name not in checked:
+            checked.add(name)
+            waiting += part_types(definitions[name])
+
+
+@cache
+def _empty_definitions() -> dict[str, Any]:
+    # Not quite empty: every store of rosbags knows the types of times.
+    return dict(get_typestore(Stores.EMPTY).fielddefs)
 
 
 @cache

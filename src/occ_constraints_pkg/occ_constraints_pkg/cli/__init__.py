@@ -10,7 +10,9 @@ from collections.abc import Sequence
 import click
 
 import occ_constraints_pkg
+from occ_constraints_pkg.cli.drive import drive
 from occ_constraints_pkg.cli.experiments import bench, demo, experiment
+from occ_constraints_pkg.cli.export import export
 from occ_constraints_pkg.cli.features import features
 from occ_constraints_pkg.cli.learning import learn
 from occ_constraints_pkg.cli.nodes import node, play, record
@@ -53,8 +55,8 @@ def cli(context: click.Context) -> None:
 
 
 for _command in (
-    *(features, learn, show, check, score, prune, simplify),
-    *(train, evaluate),
+    *(features, learn, show, check, score, prune, simplify, export),
+    *(train, evaluate, drive),
     *(node, record, play),
     *(demo, bench, experiment),
 ):

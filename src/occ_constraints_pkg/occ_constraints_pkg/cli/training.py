@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""``occ train`` and ``occ evaluate``."""
+"""``occ train``, ``evaluate`` and ``drive``."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from occ_constraints_pkg.cli.common import JSON, number, print_json, progress_bar
-from occ_constraints_pkg.errors import import_needed
+from occ_constraints_pkg.errors import OccError, import_needed
 from occ_constraints_pkg.stopping import parent_is_gone, stop_request
 
 
@@ -224,8 +224,8 @@ def _interval(numbers: dict[str, Any], name: str) -> str:
 
 
 @click.command()
-@click.argument('policies', metavar='POLICY...', nargs=-1, required=True, type=click.Path())
-@click.option('--world', help='Default: the one the policy was trained on.')
+@click.argument('policies', metavar='POLICY|DRIVER...', nargs=-1, required=True, type=click.Path())
+@click.option('--world', help='Default: the one the policy was trained on; a driver needs one.')
 @click.option('--episodes', default=50, type=click.IntRange(min=1), show_default=True)
 @click.option('--seed', default=1, type=click.IntRange(min=0), show_default=True)
 @click.option('--explore', is_flag=True, help='Sample actions instead of taking the mean.')
@@ -242,32 +242,32 @@ def evaluate(
     cost: str | None,
     as_json: bool,
 ) -> None:
-    """Drive fresh episodes with trained policies; print return and cost.
+    """Drive fresh episodes with trained policies or drivers; print return and cost.
 
     Of one policy the 95 % intervals are over episodes, of several over policies.
 
     \b
     Example: occ evaluate runs/mine/policy.npz --episodes 50
+    Example: occ evaluate expert --world CarGoal1
     """
-    from occ_constraints_pkg.agents.evaluation import evaluate_policy, over_policies
-    from occ_constraints_pkg.agents.policy import GaussianPolicy
+    from occ_constraints_pkg.agents.evaluation import evaluate_driver, over_policies
     from occ_constraints_pkg.rules.constraints_file import load_constraints
 
     constraints = None if cost is None else load_constraints(cost)
-    trained = [GaussianPolicy.load(path) for path in policies]
+    worlds = [world or _world_of(policy) for policy in policies]
     lines = []
     with progress_bar('evaluating') as progress:
-        for policy in trained:
-            result = evaluate_policy(
+        for policy, place in zip(policies, worlds, strict=True):
+            result = evaluate_driver(
                 policy,
-                world or policy.world,
+                place,
                 episodes=episodes,
                 seed=seed,
                 explore=explore,
                 constraints=constraints,
             )
             lines.append({name: number(value) for name, value in result.as_dict().items()})
-            progress(len(lines), len(trained))
+            progress(len(lines), len(policies))
     if len(lines) == 1:
         numbers = lines[0]
     else:
@@ -282,3 +282,12 @@ def evaluate(
         return
     for name, value in numbers.items():
         click.echo(f'{name}: {"not known" if value is None else format(value, ".3f")}')
+
+
+def _world_of(policy: str) -> str:
+    """Return the world that a policy file was trained in."""
+    from occ_constraints_pkg.agents.policy import GaussianPolicy
+
+    if not policy.endswith('.npz'):
+        raise OccError(f'{policy!r} is no policy file (.npz), and a driver needs --world')
+    return GaussianPolicy.load(policy).world

@@ -184,8 +184,10 @@ def _spending(worth: np.ndarray, price: float, count: int, room: int) -> float:
     def is_affordable(price: float) -> bool:
         return int(_bought(worth, price, count).sum()) <= room
 
-    # At a price of the share per feature it is, for no unit's range can be left outside twice.
-    low, high = price, float(count) ** 2
+    # At half the price of the share per feature it is: neither side of a unit is worth more than
+    # its whole range. (Without a stated share the whole price is: sides that do not cross share
+    # one range, and if they crossed all samples would be outside.)
+    low, high = price / 2, float(count) ** 2
     if is_affordable(high):
         return high
     for _ in range(_HALVINGS):

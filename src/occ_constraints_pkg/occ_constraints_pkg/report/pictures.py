@@ -16,11 +16,13 @@ from matplotlib import pyplot as plt
 from matplotlib.patches import Circle
 
 from occ_constraints_pkg.agents.rule_cost import RuleCost
+from occ_constraints_pkg.report.film import COLOURS, draw_things
 from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.worlds.safety_gym import GOAL_RADIUS, PointGoal1
 from occ_constraints_pkg.worlds.stream import EpisodeStream
 
-_SAFE, _VIOLATED, _HAZARD, _GOAL = '#3b6ea5', '#c8362b', '#b9a3d3', '#6aa84f'
+_SAFE, _VIOLATED = '#3b6ea5', '#c8362b'
+_HAZARD, _GOAL = COLOURS['hazard'], COLOURS['goal']
 _DOTS_PER_INCH = 110
 # Half the side of the square in which things are placed, in m.
 _ARENA = 1.5
@@ -43,17 +45,17 @@ def draw_drives(
         world = PointGoal1(1, threads=1)
         stream = EpisodeStream(world, seed=seed)
         batch = stream.reset()
-        scene, path_xy, goals, flagged = world.scene(0), [], [], []
+        hazards = [thing for thing in world.view(0).things if thing.kind == 'hazard']
+        path_xy, goals, flagged = [], [], []
         for _ in range(steps):
-            now = world.scene(0)
-            path_xy.append(now['robot'][:2])
-            goals.append(now['goal'])
+            now = world.view(0)
+            path_xy.append(now.position[:2])
+            goals.append(next(thing for thing in now.things if thing.kind == 'goal').position[:2])
             flagged.append(cost(batch)[0] > 0)
             batch = stream.step(driver(batch.observation))
         world.close()
         places, bad = np.array(path_xy), np.array(flagged)
-        for centre in scene['hazards']:
-            axis.add_patch(Circle(centre, world.hazard_radius, color=_HAZARD, alpha=0.6, lw=0))
+        draw_things(axis, hazards)
         for centre in np.unique(np.array(goals), axis=0):
             axis.add_patch(Circle(centre, GOAL_RADIUS, color=_GOAL, alpha=0.35, lw=0))
         axis.plot(*places.T, color=_SAFE, lw=1.2)

@@ -11,6 +11,7 @@ import numpy as np
 from mujoco import rollout
 
 from occ_constraints_pkg.worlds.bodies import (
+    PILLAR_HEIGHT,
     PILLAR_RADIUS,
     POINT_HEIGHT,
     Movable,
@@ -69,10 +70,14 @@ class Physics:
         self._alone = _Model(scene_mjcf(robot), num_envs, threads)
         scene = scene_mjcf(robot, movable, pillar=pillars > 0)
         self._together = _Model(scene, num_envs, threads)
-        self.qpos = np.tile(robot.start, (num_envs, 1))
-        self.qvel = np.zeros((num_envs, robot.nv))
-        self.movable = np.zeros((num_envs, _MOVABLE_Q))
-        self.movable_velocity = np.zeros((num_envs, _MOVABLE_V))
+        # One array as MuJoCo's state of both together, and views of its parts.
+        ends = np.cumsum([len(robot.start), _MOVABLE_Q, robot.nv, _MOVABLE_V])
+        self._state = np.zeros((num_envs, ends[-1]))
+        parts = np.split(self._state, ends[:-1], axis=1)
+        self.qpos, self.movable, self.qvel, self.movable_velocity = parts
+        everything = np.arange(ends[-1])
+        self._both_columns = everything
+        self._alone_columns = np.concatenate(np.split(everything, ends[:-1])[::2])
         self.pillars = np.zeros((num_envs, pillars, 2))
         self._moves = np.zeros(num_envs, dtype=bool)
 
@@ -138,7 +143,7 @@ class Physics:
         # It first settles into the soft floor.
         self._moves[rows] = True
         state, control = self._alone.inputs(len(rows), steps=1)
-        state[:, 1:] = np.concatenate([self.qpos[rows], self.qvel[rows]], axis=1)
+        state[:, 1:] = self._state[rows[:, None], self._alone_columns]
         control[:] = 0.0
         _, sensors = self._alone.run(self._pool, len(rows), steps=1)
         return self._columns(sensors[:, 0])
@@ -158,28 +163,19 @@ class Physics:
         near = ~(self._gap() > 0.0) | self._moves
         sensors = np.zeros((len(control), len(self.robot.sensors)))
         failed = np.zeros(len(control), dtype=bool)
-        nq, nv = self.qpos.shape[1], self.qvel.shape[1]
-
         rows = np.flatnonzero(~near)
         if len(rows):
-            before = np.concatenate([self.qpos[rows], self.qvel[rows]], axis=1)
-            after, sensors[rows], failed[rows] = self._advance(self._alone, before, control[rows])
-            self.qpos[rows], self.qvel[rows] = after[:, :nq], after[:, nq:]
-
+            done = self._advance(self._alone, self._alone_columns, rows, control)
+            sensors[rows], failed[rows] = done
         rows = np.flatnonzero(near)
         if len(rows):
-            parts = (self.qpos, self.movable, self.qvel, self.movable_velocity)
-            before = np.concatenate([part[rows] for part in parts], axis=1)
-            after, sensors[rows], failed[rows] = self._advance(
-                self._together, before, control[rows], self.pillars[rows]
-            )
-            ends = np.cumsum([nq, _MOVABLE_Q, nv])
-            for part, values in zip(parts, np.split(after, ends, axis=1), strict=True):
-                part[rows] = values
+            done = self._advance(self._together, self._both_columns, rows, control)
+            sensors[rows], failed[rows] = done
             speed = np.abs(self.movable_velocity[rows]).max(axis=1)
             self._moves[rows] = ~(speed <= _REST_SPEED)
-        self.qvel[failed] = 0.0
-        self.movable_velocity[failed] = 0.0
+        if failed.any():
+            self.qvel[failed] = 0.0
+            self.movable_velocity[failed] = 0.0
         return sensors, failed
 
     def close(self) -> None:
@@ -207,34 +203,37 @@ class Physics:
         return free - needed
 
     def _advance(
-        self,
-        model: _Model,
-        before: np.ndarray,
-        control: np.ndarray,
-        pillars: np.ndarray | None = None,
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the states after ten substeps, the sensors there, and which robots failed."""
+        self, model: _Model, columns: np.ndarray, rows: np.ndarray, control: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Step some robots; return the sensors there, and which of them failed.
+
+        Args:
+            model: steps them.
+            columns: those of the state that the model knows, in its order.
+            rows: (M,) the robots.
+            control: (N, 2) of all robots.
+        """
         # MuJoCo computes sensors before it integrates, so the readings that belong to the state
         # after ten substeps, under the same control, are those of an eleventh.
-        initial, controls = model.inputs(len(before), steps=SUBSTEPS + 1)
-        initial[:, 1:] = before
-        controls[:, :, :2] = control[:, None]
-        if pillars is not None and pillars.shape[1]:
-            controls[:, :, 2:4] = pillars
-            controls[:, :, 4] = model.pillar_height
-        states, readings = model.run(self._pool, len(before), steps=SUBSTEPS + 1)
+        initial, controls = model.inputs(len(rows), steps=SUBSTEPS + 1)
+        initial[:, 1:] = self._state[rows[:, None], columns]
+        controls[:, :, :2] = control[rows, None]
+        if controls.shape[2] > 2:
+            controls[:, :, 2:4] = self.pillars[rows]
+            controls[:, :, 4] = PILLAR_HEIGHT / 2
+        states, readings = model.run(self._pool, len(rows), steps=SUBSTEPS + 1)
         after, sensors = states[:, SUBSTEPS - 1], readings[:, SUBSTEPS]
-        # When the numbers blow up MuJoCo resets the state, clock included, or stops.
+        # When the numbers blow up MuJoCo resets the state, clock included, or stops. A sum is
+        # finite only if all it adds up is, or if it is far beyond any state here.
         timestep = self.robot.timestep
-        failed = np.abs(after[:, 0] - SUBSTEPS * timestep) > timestep / 2
-        # A sum is finite only if all it adds up is, or if it is far beyond any state here.
-        failed |= ~np.isfinite(after.sum(axis=1) + sensors.sum(axis=1))
-        columns = self._columns(sensors)
-        after = after[:, 1:]
+        sums = after.sum(axis=1) + sensors.sum(axis=1)
+        failed = (np.abs(after[:, 0] - SUBSTEPS * timestep) > timestep / 2) | ~np.isfinite(sums)
+        readings = self._columns(sensors)
         if failed.any():
-            after = np.where(failed[:, None], before, after)
-            columns[failed] = 0.0
-        return after, columns, failed
+            readings[failed] = 0.0
+            rows, after = rows[~failed], after[~failed]
+        self._state[rows[:, None], columns] = after[:, 1:]
+        return readings, failed
 
     def _columns(self, sensors: np.ndarray) -> np.ndarray:
         """Turn MuJoCo's sensor data into the sensor columns of the observation, as a copy."""
@@ -253,7 +252,6 @@ class _Model:
         spec = mujoco.mjtState.mjSTATE_CTRL
         if self.model.nmocap:
             spec = spec | mujoco.mjtState.mjSTATE_MOCAP_POS
-            self.pillar_height = self._data[0].mocap_pos[0, 2]
         self._control_spec = int(spec)
         size = mujoco.mj_stateSize(self.model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
         steps = SUBSTEPS + 1

@@ -166,6 +166,21 @@ def test_a_checkpoint_continues_exactly(tmp_path, calls):
     assert same_policy(learner, twin)
 
 
+def test_choosing_ahead_changes_nothing():
+    curves = []
+    for ahead in (False, True):
+        learner, stream = make_learner(), EpisodeStream(LineWorld(8), seed=1)
+        batch, found = stream.reset(), []
+        for _ in range(100):
+            if ahead:
+                learner.choose(batch)
+            batch, metrics = run(learner, stream, batch, 1)
+            found += metrics
+        curves.append(untimed(found))
+    assert len(curves[0]) == 6
+    np.testing.assert_array_equal(*curves)
+
+
 def test_an_interruption_loses_one_transition_and_counts_nothing_twice():
     learner, stream = make_learner(rollout_steps=1000), EpisodeStream(LineWorld(8), seed=1)
     run(learner, stream, stream.reset(), 10)

@@ -112,8 +112,8 @@ def evaluate(
     """Drive fresh episodes with a trained policy or a driver; print return and true cost.
 
     \b
-    Examples: occ evaluate runs/mine/policy.npz --episodes 50
-              occ evaluate expert --world CarGoal1
+    Example: occ evaluate runs/mine/policy.npz --episodes 50
+    Example: occ evaluate expert --world CarGoal1
     """
     import numpy as np
 

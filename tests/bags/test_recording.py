@@ -180,7 +180,7 @@ def test_what_is_no_recording(tmp_path):
 @pytest.mark.parametrize(
     ('text', 'reason'),
     [
-        ('{', 'is not the metadata'),
+        ('{', 'metadata.yaml.* is not valid YAML'),
         ('[]', 'is not the metadata'),
         ('rosbag2_bagfile_information: {version: 10}', 'allowed are 1 to 9'),
         (

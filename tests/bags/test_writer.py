@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 from mcap.reader import make_reader
 from occ_constraints_pkg.bags.qos import parse_profiles
@@ -199,16 +200,20 @@ def test_a_full_disk_ends_the_recording_with_the_bag_intact(tmp_path):
         timeout=60,
         env={**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)},
     )
+    check_what_is_kept(tmp_path / 'run', result, 'File too large')
+
+
+def check_what_is_kept(bag, result, reason):
+    """Compare a bag with what the recorder, which counts messages, said of it at its end."""
     assert result.returncode == 0, result.stderr
-    recording = Recording(tmp_path / 'run')
+    recording = Recording(bag)
     assert not recording.warnings
     numbers = [int.from_bytes(m.data[4:12], 'little') for m in recording.messages()]
     assert numbers == list(range(len(numbers)))
     assert len(numbers) > 50
-    assert f'File too large; the {len(numbers)} messages before that are kept' in result.stdout
-    with AnyReader([tmp_path / 'run']) as reader:
-        assert sum(1 for _ in reader.messages()) == len(numbers)
-    assert information(tmp_path / 'run')['message_count'] == len(numbers)
+    assert f'{reason}; the {len(numbers)} messages before that are kept' in result.stdout
+    assert len(seen_by_others(bag)) == len(numbers)
+    assert information(bag)['message_count'] == len(numbers)
 
 
 def test_profiles_of_older_metadata_get_names():
@@ -223,3 +228,109 @@ def test_profiles_of_older_metadata_get_names():
         },
     )
     assert parse_profiles('') == parse_profiles('{') == parse_profiles(None) == ()
+
+
+def test_splits_by_size_into_files_that_read_as_one(tmp_path):
+    noise = np.random.default_rng(0).bytes
+    sent = [(f'/t{i % 2}', STRING, string('') + noise(40_000), 10**9 + i) for i in range(60)]
+    # A topic that comes late, and one that is not in every file.
+    sent.append(('/late', STRING, string('late'), 2 * 10**9))
+    with BagWriter(tmp_path / 'run', max_file_bytes=600_000) as bag:
+        for entry in sent:
+            bag.write(*entry, qos=[QOS])
+        assert bag.message_count == len(sent)
+        names = [path.name for path in bag.paths]
+    assert names == [f'run_{number}.mcap' for number in range(len(names))]
+    assert len(names) >= 3
+    sizes = [(tmp_path / 'run' / name).stat().st_size for name in names]
+    assert all(600_000 <= size < 1_000_000 for size in sizes[:-1])
+    info = information(tmp_path / 'run')
+    assert info['relative_file_paths'] == names == [item['path'] for item in info['files']]
+    assert sum(item['message_count'] for item in info['files']) == info['message_count'] == 61
+    assert {t['topic_metadata']['name'] for t in info['topics_with_message_count']} == {
+        '/t0',
+        '/t1',
+        '/late',
+    }
+    first, second = info['files'][:2]
+    begin = first['starting_time']['nanoseconds_since_epoch']
+    assert begin == info['starting_time']['nanoseconds_since_epoch'] == 10**9
+    assert second['starting_time']['nanoseconds_since_epoch'] == (
+        begin + first['duration']['nanoseconds'] + 1
+    )
+    assert seen_by_others(tmp_path / 'run') == sent
+    recording = Recording(tmp_path / 'run')
+    assert [(m.topic, m.msgtype, m.data, m.log_time_ns) for m in recording.messages()] == sent
+    assert not recording.warnings
+    # Each file also stands for itself.
+    for name, item in zip(names, info['files'], strict=True):
+        with (tmp_path / 'run' / name).open('rb') as file:
+            reader = make_reader(file, validate_crcs=True)
+            assert sum(1 for _ in reader.iter_messages()) == item['message_count']
+            (record,) = reader.iter_metadata()
+        own = YAML(typ='safe').load(record.metadata['serialized_metadata'])
+        assert own['message_count'] == item['message_count']
+        assert own['relative_file_paths'] == [name]
+
+
+def test_splits_by_time(tmp_path):
+    with BagWriter(tmp_path / 'run', max_file_seconds=1.0) as bag:
+        for tenths in range(35):
+            bag.write('/a', STRING, string('a'), tenths * 10**8)
+    counts = [item['message_count'] for item in information(tmp_path / 'run')['files']]
+    assert counts == [10, 10, 10, 5]
+    assert len(seen_by_others(tmp_path / 'run')) == 35
+
+
+def seen_by_others(bag):
+    """Return what the reader of rosbags sees."""
+    with AnyReader([bag]) as reader:
+        return [(c.topic, c.msgtype, bytes(data), t) for c, t, data in reader.messages()]
+
+
+# In a name space of its own, as only there one may mount without being root.
+RECORD_TO_TINY_DISK = """
+set -e
+mount -t tmpfs -o size=1m tmpfs "$1"
+"$2" -c '
+import os, sys
+from occ_constraints_pkg.bags.writer import BagWriter
+from occ_constraints_pkg.errors import OccError
+try:
+    with BagWriter(sys.argv[1], max_file_bytes=400_000) as bag:
+        for number in range(1000):
+            data = bytes([0, 1, 0, 0]) + number.to_bytes(8, "little") + os.urandom(10_000)
+            bag.write("/count", "std_msgs/msg/UInt64", data, number)
+except OccError as error:
+    print(error)
+' "$1/run"
+cp -r "$1/run" "$3"
+"""
+
+
+def test_a_really_full_disk_leaves_a_split_bag_that_opens_everywhere(tmp_path):
+    may_mount = ['unshare', '--map-root-user', '--mount']
+    (tmp_path / 'disk').mkdir()
+    try:
+        subprocess.run(
+            [*may_mount, 'mount', '-t', 'tmpfs', 'tmpfs', tmp_path / 'disk'],
+            check=True,
+            capture_output=True,
+        )
+    except (OSError, subprocess.CalledProcessError):
+        pytest.skip('needs the right to mount in a name space of its own')
+    result = subprocess.run(
+        [*may_mount, 'sh', '-c', RECORD_TO_TINY_DISK, 'sh']
+        + [str(tmp_path / 'disk'), sys.executable, str(tmp_path / 'run')],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        env={**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)},
+    )
+    check_what_is_kept(tmp_path / 'run', result, 'No space left on device')
+    info = information(tmp_path / 'run')
+    assert len(info['files']) >= 2
+    assert sorted(path.name for path in (tmp_path / 'run').iterdir()) == [
+        'metadata.yaml',
+        *info['relative_file_paths'],
+    ]

@@ -4,19 +4,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from occ_constraints_pkg.bags.collected import CollectedRows
+from occ_constraints_pkg.bags.columns import BlockExtractor, RowBlock
 from occ_constraints_pkg.bags.dataset import Dataset
-from occ_constraints_pkg.bags.feature_map import FeatureMap, FeatureSource, topic_key
-from occ_constraints_pkg.bags.fields import FieldReader
+from occ_constraints_pkg.bags.feature_map import FeatureMap, topic_key
+from occ_constraints_pkg.bags.fields import header_stamp_ns
+from occ_constraints_pkg.bags.held import Held, TopicReader
+from occ_constraints_pkg.bags.manifest import select
 from occ_constraints_pkg.bags.recording import RawMessage, Recording
+from occ_constraints_pkg.bags.storage import Block
 from occ_constraints_pkg.bags.table import Table
-from occ_constraints_pkg.documents import did_you_mean
+from occ_constraints_pkg.bags.transforms import RowTransforms
 from occ_constraints_pkg.errors import OccError
 
 
@@ -45,6 +50,10 @@ class FeatureExtractor:
     The rows depend on nothing but the map and the sequence of calls to :meth:`push`, so a
     recording that is played in its own order yields what the live topics yielded.
 
+    Attributes:
+        feature_map: what is computed.
+        pace_key: the pace topic without leading slash; empty with a fixed rate.
+
     Args:
         feature_map: what to compute.
     """
@@ -52,19 +61,25 @@ class FeatureExtractor:
     def __init__(self, feature_map: FeatureMap) -> None:
         self.feature_map = feature_map
         self._max_age_ns = round(feature_map.max_age * 1e9)
-        groups: dict[str, list[int]] = {topic_key(feature_map.pace): []}
-        for place, source in enumerate(feature_map.features):
-            groups.setdefault(topic_key(source.topic), []).append(place)
-        self._pace = topic_key(feature_map.pace)
+        self._readings = feature_map.readings
+        groups: dict[str, list[int]] = {topic_key(topic): [] for topic in feature_map.topics}
+        for place, (_, reading) in enumerate(self._readings):
+            groups[topic_key(reading.topic)].append(place)
+        self.pace_key = topic_key(feature_map.pace)
+        rate = feature_map.rate
+        self._clock = None if rate is None else _Clock(rate, self._max_age_ns)
         self._readers = {
-            key: _TopicReader(places, [feature_map.features[place] for place in places])
+            key: TopicReader(places, [self._readings[place] for place in places])
             for key, places in groups.items()
         }
-        self._held: dict[str, _Held] = {}
+        self._transforms = RowTransforms(feature_map)
+        self._held: dict[str, Held] = {}
+        self._now: Held | None = None
+        self._episodes = np.empty(0)
         self._last: tuple[int | None, np.ndarray] = (None, np.empty((0, 0)))
 
     def push(self, topic: str, message: Any, receive_time_ns: int) -> FeatureRows | None:
-        """Take one message; return rows if it is of the pace topic.
+        """Take one message; return rows if it gives some, see :class:`FeatureMap`.
 
         Args:
             topic: the topic's name as in the feature map, with or without leading slash; a
@@ -77,106 +92,96 @@ class FeatureExtractor:
                 of two topics have different numbers of rows.
         """
         key = topic_key(topic)
-        reader = self._readers.get(key)
-        if reader is None:
+        if key not in self._readers:
             return None
-        stamp = header_stamp_ns(message)
-        if key != self._pace:
-            self._held[key] = _Held(message, stamp, receive_time_ns)
+        held = Held(message, header_stamp_ns(message), receive_time_ns)
+        if key == self.pace_key:
+            return self._row(held, {key: held, **self._fresh(held, {key})})
+        self._held[key] = held
+        if self._clock is None or not self._clock.is_due(held.stamp, receive_time_ns):
             return None
-        values, table = reader.read(message)
-        if len(reader.places) < len(self.feature_map.features):
-            own, values = values, np.full((len(values), len(self.feature_map.features)), np.nan)
-            values[:, reader.places] = own
-            for other, held in self._held.items():
-                if held.age_ns(stamp, receive_time_ns) <= self._max_age_ns:
-                    self._fill(values, other, held)
-        last_stamp, last_values = self._last
-        repeat = stamp is not None and stamp == last_stamp
-        repeat = repeat and np.array_equal(values, last_values, equal_nan=True)
-        self._last = stamp, values
-        return FeatureRows(receive_time_ns if stamp is None else stamp, values, table, repeat)
+        return self._row(held, self._fresh(held, set()))
 
-    def _fill(self, values: np.ndarray, key: str, held: _Held) -> None:
-        """Put a held topic's features into ``values``, one row for all or row by row."""
-        reader = self._readers[key]
-        if held.values is None:
-            held.values, _ = reader.read(held.message)
-        if len(held.values) not in (1, len(values)):
-            raise OccError(
-                f'topic {key!r} holds {len(held.values)} rows and the pace topic '
-                f'{self._pace!r} {len(values)}; allowed are 1 or as many'
-            )
-        values[:, reader.places] = held.values
+    def ages_ns(self) -> dict[str, int | None]:
+        """Return how far each topic's value was from the last row, in ns; None where none came.
 
-
-class _Held:
-    """The last message of a topic, with its values once they have been asked for."""
-
-    def __init__(self, message: Any, stamp: int | None, arrival: int) -> None:
-        self.message, self.stamp, self.arrival = message, stamp, arrival
-        self.values: np.ndarray | None = None
-
-    def age_ns(self, stamp: int | None, arrival: int) -> int:
-        """Return the distance to the pace message; one from the future is as far off as a past one.
-
-        That a clock has jumped back shows in nothing else.
+        Topics are those of the map; the one that sets the pace is not among them.
         """
-        if stamp is None or self.stamp is None:
-            return abs(arrival - self.arrival)
-        return abs(stamp - self.stamp)
+        now, ages = self._now, {}
+        for topic in self.feature_map.topics:
+            held = self._held.get(topic_key(topic))
+            if topic_key(topic) != self.pace_key:
+                ages[topic] = held.age_ns(now.stamp, now.arrival) if now and held else None
+        return ages
+
+    def _fresh(self, now: Held, besides: set[str]) -> dict[str, Held]:
+        """Return what is held of each topic and not too old at the message ``now``."""
+        return {
+            key: held
+            for key, held in self._held.items()
+            if key not in besides and held.age_ns(now.stamp, now.arrival) <= self._max_age_ns
+        }
+
+    def _row(self, now: Held, parts: dict[str, Held]) -> FeatureRows:
+        """Compute the features from the messages in ``parts``."""
+        self._now = now
+        for key, held in parts.items():
+            held.read(self._readers[key])
+        row_ns = now.arrival if now.stamp is None else now.stamp
+        count = max((len(held.values) for held in parts.values()), default=1)
+        if self.pace_key:
+            count = len(now.values)
+        read = np.full((count, len(self._readings)), np.nan)
+        stamps: list[int | None] = [None] * len(self._readings)
+        for key, held in parts.items():
+            if len(held.values) not in (1, count):
+                raise OccError(
+                    f'topic {key!r} holds {len(held.values)} rows and '
+                    + (f'the pace topic {self.pace_key!r}' if self.pace_key else 'another')
+                    + f' {count}; allowed are 1 or as many'
+                )
+            places = self._readers[key].places
+            read[:, places] = held.values
+            for place in places:
+                stamps[place] = held.stamp
+        table = now.table if self.pace_key else None
+        values = self._transforms.apply(read, stamps, row_ns, self._restarted(table))
+        last_stamp, last_values = self._last
+        repeat = now.stamp is not None and now.stamp == last_stamp
+        repeat = repeat and np.array_equal(values, last_values, equal_nan=True)
+        self._last = now.stamp, values
+        return FeatureRows(row_ns, values, table, repeat)
+
+    def _restarted(self, table: Table | None) -> np.ndarray | None:
+        """Tell which rows of a table are of another episode than before."""
+        if table is None or 'episode' not in table.names:
+            return None
+        episodes, self._episodes = self._episodes, table.column('episode').copy()
+        return None if len(episodes) != len(self._episodes) else episodes != self._episodes
 
 
-class _TopicReader:
-    """Reads all features that one topic gives."""
+class _Clock:
+    """Says which messages give a row at a fixed rate: the first in each period."""
 
-    def __init__(self, places: list[int], sources: list[FeatureSource]) -> None:
-        self.places = places
-        self._sources = sources
-        self._fields = [FieldReader(source) for source in sources if source.column is None]
-        self._absolute = [i for i, source in enumerate(sources) if source.transform == 'abs']
-        self._names: tuple[str, ...] | None = None
-        self._columns = np.empty(0, dtype=np.intp)
+    def __init__(self, rate: float, max_age_ns: int) -> None:
+        self._period_ns = max(round(1e9 / rate), 1)
+        self._max_age_ns = max_age_ns
+        self._has_stamps = False
+        self._last_ns: int | None = None
 
-    def read(self, message: Any) -> tuple[np.ndarray, Table | None]:
-        """Return (rows, features of this topic) float64, and the message as table if it is one."""
-        if self._fields or not (self._sources or hasattr(message, 'point_step')):
-            return np.array([[field.read(message) for field in self._fields]]), None
-        if not hasattr(message, 'point_step'):
-            source = self._sources[0]
-            raise OccError(
-                f'feature {source.name!r} asks for column {source.column!r} of topic '
-                f'{source.topic!r}, whose messages are {type(message).__name__}; '
-                'allowed is a table (sensor_msgs/msg/PointCloud2)'
-            )
-        table = Table.from_message(message)
-        if table.names != self._names:
-            self._columns = np.array([self._find(table, s) for s in self._sources], dtype=np.intp)
-            self._names = table.names
-        values = table.values[:, self._columns].astype(np.float64, copy=False)
-        if self._absolute:
-            values[:, self._absolute] = np.abs(values[:, self._absolute])
-        return values, table
-
-    @staticmethod
-    def _find(table: Table, source: FeatureSource) -> int:
-        try:
-            return table.names.index(source.column)
-        except ValueError:
-            hint = did_you_mean(source.column, table.names) or ';'
-            raise OccError(
-                f'feature {source.name!r} asks for column {source.column!r} of topic '
-                f'{source.topic!r}, which the table does not have{hint} '
-                f'its columns are {", ".join(table.names)}'
-            ) from None
-
-
-def header_stamp_ns(message: Any) -> int | None:
-    """Return a message's header stamp in ns; None without a header or with the unset stamp 0."""
-    header = getattr(message, 'header', None)
-    if header is None:
-        return None
-    return header.stamp.sec * 1_000_000_000 + header.stamp.nanosec or None
+    def is_due(self, stamp: int | None, arrival: int) -> bool:
+        if stamp is None and self._has_stamps:
+            return False
+        now = arrival if stamp is None else stamp
+        last, begins = self._last_ns, stamp is not None and not self._has_stamps
+        self._has_stamps = self._has_stamps or stamp is not None
+        # Stamps of different topics are not in order; only a larger step back is a clock set back.
+        was_set_back = last is not None and now < last - self._max_age_ns
+        due = last is None or begins or was_set_back
+        due = due or now // self._period_ns > last // self._period_ns
+        if due:
+            self._last_ns = now
+        return due
 
 
 def extract(
@@ -184,24 +189,29 @@ def extract(
     feature_map: FeatureMap,
     *,
     progress: Callable[[int, int], None] | None = None,
+    provenance: bool = True,
 ) -> Dataset:
     """Compute the features of recordings.
 
-    Repeated pace messages are skipped. Where the pace is a table with a column ``episode``, each
-    robot's episodes are told apart; otherwise a recording is one episode. Only messages that can
-    influence a row are decoded.
+    Repeated pace messages are skipped. A recording is one episode; where the pace is a table with
+    a column ``episode``, each robot's episodes are told apart; and each stretch that a manifest
+    selects is an episode. Only messages that can influence a row are decoded, and of them only the
+    fields that the map asks for.
 
     Args:
-        paths: rosbag2 directories or files.
+        paths: rosbag2 directories, storage files, or manifests that list some.
         feature_map: what to compute.
-        progress: called after each message of a needed topic with their number so far, and the
-            number in all recordings.
+        progress: called with the number of messages of needed topics so far, and the number in
+            all recordings.
+        provenance: whether the sources tell hashes, for which the files are read once more, and
+            not only names.
 
     Raises:
         OccError: no recordings; one cannot be read, lacks a topic, field or column of the map, or
-            has no message on the pace topic.
+            has no message on the pace topic in the parts to use.
     """
-    recordings = [Recording(path) for path in paths]
+    selections = select(paths)
+    recordings = [Recording(selection.path) for selection in selections]
     if not recordings:
         raise OccError('there are no recordings to extract features from; allowed are one or more')
     wanted = [
@@ -213,32 +223,29 @@ def extract(
         for recording, topics in zip(recordings, wanted, strict=True)
         for topic in topics.values()
     )
-    done, parts, episodes = 0, [], 0
-    for recording, topics in zip(recordings, wanted, strict=True):
-        part = _Part()
-        extractor = FeatureExtractor(feature_map)
-        pace = topics[topic_key(feature_map.pace)]
-        latest: dict[str, RawMessage] = {}
-        for raw in recording.messages(topics.values()):
-            done += 1
+    done, parts, episodes, warnings = 0, [], 0, []
+    for recording, topics, selection in zip(recordings, wanted, selections, strict=True):
+        part, start = CollectedRows(), recording.start_ns
+        if BlockExtractor.reads(recording, topics, feature_map):
+            blocks = BlockExtractor(recording, topics, feature_map)
+        else:
+            blocks = _MessageExtractor(recording, topics, feature_map)
+        for block in recording.blocks(list(topics.values())):
+            for rows in blocks.rows(block):
+                part.add(rows, rows.times_ns - start, selection)
+            done += len(block)
             if progress is not None:
                 progress(done, total)
-            if raw.topic != pace:
-                latest[raw.topic] = raw
-                continue
-            # Of the messages between two of the pace topic, only the last of a topic counts.
-            for held in latest.values():
-                extractor.push(held.topic, recording.decode(held), held.log_time_ns)
-            latest.clear()
-            rows = extractor.push(raw.topic, recording.decode(raw), raw.log_time_ns)
-            if not rows.repeat:
-                part.add(rows)
         if not part.values:
+            pace = topics.get(topic_key(feature_map.pace))
             raise OccError(
-                f'{recording.path} has no message on {pace!r}, which sets the pace; '
-                'allowed is one or more'
+                f'{recording.path} has no message on '
+                + (f'{pace!r}, which sets the pace' if pace else f'any of {", ".join(topics)}')
+                + f'{part.where}; allowed is one or more'
             )
         episodes += part.number_episodes(episodes, str(recording.path))
+        warnings += recording.warnings
+        warnings += part.unused(selection, str(recording.path))
         parts.append(part)
     costs = [cost for part in parts for cost in part.costs]
     return Dataset(
@@ -247,51 +254,84 @@ def extract(
         stamps_ns=np.concatenate([stamps for part in parts for stamps in part.stamps]),
         episodes=np.concatenate([part.episodes for part in parts]),
         true_cost=np.concatenate(costs) if any(part.has_cost for part in parts) else None,
-        sources=tuple(recording.fingerprint() for recording in recordings),
-        warnings=tuple(text for recording in recordings for text in recording.warnings),
+        times_ns=np.concatenate([times for part in parts for times in part.times]),
+        recordings=np.repeat(np.arange(len(parts)), [len(part.episodes) for part in parts]),
+        sources=tuple(
+            (recording.fingerprint() if provenance else {'name': recording.name})
+            | selection.to_document()
+            for recording, selection in zip(recordings, selections, strict=True)
+        ),
+        warnings=tuple(warnings),
+        origins=np.concatenate([origins for part in parts for origins in part.origins]),
     )
 
 
-class _Part:
-    """The rows of one recording while they are collected."""
+def rows_of(
+    recording: Recording,
+    extractor: FeatureExtractor,
+    tick: Callable[[], None] | None = None,
+) -> Iterator[FeatureRows]:
+    """Push a recording's messages into a fresh extractor; yield all rows, repeats too.
 
-    def __init__(self) -> None:
-        self.values: list[np.ndarray] = []
-        self.stamps: list[np.ndarray] = []
-        self.costs: list[np.ndarray] = []
-        self.episodes = np.empty(0, dtype=np.int64)
-        self.has_cost = False
-        self._robots: list[np.ndarray] = []
-        self._numbers: list[np.ndarray] = []
+    Args:
+        recording: what to read.
+        extractor: it says what to compute.
+        tick: called after each message of a needed topic.
 
-    def add(self, rows: FeatureRows) -> None:
-        count = len(rows.values)
-        columns = () if rows.table is None else rows.table.names
-        self.values.append(rows.values)
-        self.stamps.append(np.full(count, rows.stamp_ns, dtype=np.int64))
-        if 'true_cost' in columns:
-            self.has_cost = True
-            self.costs.append(rows.table.column('true_cost').astype(np.float64))
-        else:
-            self.costs.append(np.full(count, np.nan))
-        robots = np.arange(count)
-        if 'episode' in columns:
-            self._robots.append(robots)
-            self._numbers.append(rows.table.column('episode').astype(np.float64))
-        else:
-            self._robots.append(np.zeros_like(robots))
-            self._numbers.append(np.zeros(count))
+    Raises:
+        OccError: the recording cannot be read, or lacks a topic, field or column of the map.
+    """
+    pusher = _Pusher(recording, extractor)
+    topics = [recording.find(topic_key(name)) for name in extractor.feature_map.topics]
+    for raw in recording.messages(topics):
+        if tick is not None:
+            tick()
+        if (rows := pusher.push(raw)) is not None:
+            yield rows
 
-    def number_episodes(self, first: int, where: str) -> int:
-        """Number the episodes from ``first`` on; return how many there are.
 
-        Raises:
-            OccError: the column ``episode`` holds something that is not finite.
-        """
-        numbers = np.concatenate(self._numbers)
-        if not np.isfinite(numbers).all():
-            raise OccError(f"{where} has values that are not finite in the column 'episode'")
-        pairs = np.stack([np.concatenate(self._robots), numbers], axis=1)
-        unique, inverse = np.unique(pairs, axis=0, return_inverse=True)
-        self.episodes = inverse.reshape(-1).astype(np.int64) + first
-        return len(unique)
+class _Pusher:
+    """Pushes recorded messages, but decodes only those that can influence a row."""
+
+    def __init__(self, recording: Recording, extractor: FeatureExtractor) -> None:
+        self._recording, self._extractor = recording, extractor
+        self._latest: dict[str, RawMessage] = {}
+
+    def push(self, raw: RawMessage) -> FeatureRows | None:
+        pace = self._extractor.pace_key
+        if pace and topic_key(raw.topic) != pace:
+            # Of the messages between two of the pace topic, only the last of a topic counts.
+            self._latest[raw.topic] = raw
+            return None
+        for held in self._latest.values():
+            self._decode(held)
+        self._latest.clear()
+        return self._decode(raw)
+
+    def _decode(self, raw: RawMessage) -> FeatureRows | None:
+        return self._extractor.push(raw.topic, self._recording.decode(raw), raw.log_time_ns)
+
+
+class _MessageExtractor:
+    """Computes rows message by message, in the way of live topics; for tables and fixed rates."""
+
+    def __init__(
+        self, recording: Recording, topics: dict[str, str], feature_map: FeatureMap
+    ) -> None:
+        self._recording = recording
+        self._names = list(topics.values())
+        self._pusher = _Pusher(recording, FeatureExtractor(feature_map))
+
+    def rows(self, block: Block) -> Iterator[RowBlock]:
+        """Yield the rows that each message gives."""
+        for row, number in enumerate(block.topics.tolist()):
+            raw = self._recording.raw(block, row, self._names[number])
+            rows = self._pusher.push(raw)
+            if rows is not None and not rows.repeat:
+                count = len(rows.values)
+                yield RowBlock(
+                    rows.values,
+                    np.full(count, rows.stamp_ns, dtype=np.int64),
+                    np.full(count, raw.log_time_ns, dtype=np.int64),
+                    rows.table,
+                )

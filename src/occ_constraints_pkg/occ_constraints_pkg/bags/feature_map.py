@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import resources
@@ -13,6 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from occ_constraints_pkg.bags.sources import (
+    FeatureSource,
+    Reading,
+    feature_document,
+    features_of,
+)
 from occ_constraints_pkg.documents import (
     did_you_mean,
     load_schema,
@@ -32,56 +37,26 @@ BUILT_IN_MAPS = tuple(
 
 
 @dataclass(frozen=True)
-class FeatureSource:
-    """Where one feature comes from and what is done to it.
-
-    Attributes:
-        name: the feature's identifier.
-        topic: topic name as written; with or without leading slash is the same.
-        field: path of a message field, as ``twist.twist.linear.x``, ``ranges[3]``, ``ranges[0:9]``
-            (the end not included); None when ``column`` is set.
-        column: name of a table's column; None when ``field`` is set.
-        unit: SI unit, or ``1`` for a pure number.
-        low: smallest physically possible value, ``-inf`` for none.
-        high: largest physically possible value, ``inf`` for none.
-        reduce: what makes one number of several: ``min``, ``max``, ``mean``, ``norm`` or None.
-        transform: ``abs``, ``yaw`` (of a quaternion, in rad) or None; applied last.
-        family: features that measure the same in different places or directions; see
-            :class:`~occ_constraints_pkg.rules.space.Feature`.
-        missing: meaning of a range that was not measured: ``unknown`` leaves it as it is, so that
-            one that is not finite makes the verdict UNKNOWN; ``max_range`` puts the message's
-            ``range_max`` where a scanner reports +Inf, NaN or 0, unless all of an array's values
-            are NaN or 0: then the scanner is blind, and the value is missing. -Inf, which REP 117
-            defines as an object too close to measure, is never replaced.
-    """
-
-    name: str
-    topic: str
-    field: str | None = None
-    column: str | None = None
-    unit: str = '1'
-    low: float = -np.inf
-    high: float = np.inf
-    reduce: str | None = None
-    transform: str | None = None
-    missing: str = 'unknown'
-    family: str = ''
-
-
-@dataclass(frozen=True)
 class FeatureMap:
     """The features of a rule set and how their topics are aligned in time.
 
+    A value is held until the next message of its topic comes, but not longer than ``max_age``.
+
     Attributes:
-        pace: the topic of which every message gives one row, or one per robot for a table.
-        max_age: seconds; a value held from another topic that is further than this from the pace
-            message, by header stamps, or by arrival where one of the two has no stamp, is missing.
+        pace: the topic of which every message gives one row, or one per robot for a table; empty
+            when ``rate`` is set.
+        max_age: seconds; a held value that is further than this from the message that gives the
+            row, by header stamps, or by arrival where one of the two has no stamp, is missing.
         features: the sources, in the order of the feature space.
+        rate: rows per second instead of a pace topic: the first message in each period gives a
+            row. Header stamps tell the time; messages without one give rows only as long as no
+            message with one has come.
     """
 
     pace: str
     max_age: float
     features: tuple[FeatureSource, ...]
+    rate: float | None = None
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -89,12 +64,25 @@ class FeatureMap:
         return tuple(feature.name for feature in self.features)
 
     @cached_property
+    def readings(self) -> tuple[tuple[str, Reading], ...]:
+        """What is read: ``(feature, reading)`` of each feature, then of each that is subtracted."""
+        own = [(feature.name, feature.reading) for feature in self.features]
+        minus = [(item.name, item.minus) for item in self.features if item.minus is not None]
+        return (*own, *minus)
+
+    @cached_property
     def topics(self) -> tuple[str, ...]:
         """The topics that are needed, each once, the pace first."""
-        topics = {topic_key(self.pace): self.pace}
-        for feature in self.features:
-            topics.setdefault(topic_key(feature.topic), feature.topic)
+        topics = {topic_key(self.pace): self.pace} if self.pace else {}
+        for _, reading in self.readings:
+            topics.setdefault(topic_key(reading.topic), reading.topic)
         return tuple(topics.values())
+
+    @cached_property
+    def table_topics(self) -> frozenset[str]:
+        """Those of :attr:`topics` that are read by column."""
+        keys = {topic_key(item.topic) for _, item in self.readings if item.column is not None}
+        return frozenset(topic for topic in self.topics if topic_key(topic) in keys)
 
     @cached_property
     def space(self) -> FeatureSpace:
@@ -107,12 +95,12 @@ class FeatureMap:
         )
 
     def to_document(self) -> dict[str, Any]:
-        """Return the map as the plain values of its YAML form."""
+        """Return the map as the plain values of its YAML form, with each sector written out."""
         return {
             'schema_version': 1,
-            'pace': self.pace,
+            'pace': self.pace if self.rate is None else {'rate': self.rate},
             'max_age': self.max_age,
-            'features': [_feature_document(feature) for feature in self.features],
+            'features': [feature_document(feature) for feature in self.features],
         }
 
     @classmethod
@@ -128,19 +116,35 @@ class FeatureMap:
             OccError: the document breaks the schema, or its parts do not fit together.
         """
         validate(document, SCHEMA, where, text=text)
-        features = tuple(_feature(entry) for entry in document['features'])
-        tables = {topic_key(item.topic) for item in features if item.column is not None}
-        for index, feature in enumerate(features):
-            _check(feature, f'{where}: features[{index}]')
-            if feature.column is None and topic_key(feature.topic) in tables:
-                raise OccError(
-                    f'{where}: features[{index}].field: got {feature.field!r} of topic '
-                    f'{feature.topic!r}, of which another feature is a table column; '
-                    'allowed are fields only or columns only'
-                )
-        result = cls(document['pace'], float(document['max_age']), features)
-        if not np.isfinite(result.max_age):
-            raise OccError(f'{where}: max_age: got {result.max_age}; allowed is a finite number')
+        try:
+            return cls._from_valid(document, where)
+        except OverflowError as error:
+            raise OccError(f'{where}: a number is too large; allowed are 64-bit floats') from error
+
+    @classmethod
+    def _from_valid(cls, document: Any, where: str) -> FeatureMap:
+        features: list[FeatureSource] = []
+        entries: list[int] = []
+        for index, entry in enumerate(document['features']):
+            found = features_of(entry, f'{where}: features[{index}]')
+            features += found
+            entries += [index] * len(found)
+        pace, rate = document['pace'], None
+        if not isinstance(pace, str):
+            pace, rate = '', float(pace['rate'])
+        result = cls(pace, float(document['max_age']), tuple(features), rate)
+        for key, value in (('max_age', result.max_age), ('pace.rate', rate or 1.0)):
+            if not np.isfinite(value):
+                raise OccError(f'{where}: {key}: got {value}; allowed is a finite number')
+        tables = {topic_key(topic) for topic in result.table_topics}
+        for index, feature in zip(entries, features, strict=True):
+            for reading in filter(None, (feature.reading, feature.minus)):
+                if reading.column is None and topic_key(reading.topic) in tables:
+                    raise OccError(
+                        f'{where}: features[{index}].field: got {reading.field!r} of topic '
+                        f'{reading.topic!r}, of which another feature is a table column; '
+                        'allowed are fields only or columns only'
+                    )
         try:
             # The feature space checks names and bounds.
             _ = result.space
@@ -194,59 +198,3 @@ def map_of(constraints: Constraints, where: str) -> FeatureMap:
 def topic_key(topic: str) -> str:
     """Return the form in which topic names are compared: without leading slash."""
     return topic.lstrip('/')
-
-
-def _feature(entry: Mapping[str, Any]) -> FeatureSource:
-    values = dict(entry)
-    low, high = values.pop('bounds', (None, None))
-    return FeatureSource(
-        low=-np.inf if low is None else float(low),
-        high=np.inf if high is None else float(high),
-        **values,
-    )
-
-
-def _check(feature: FeatureSource, where: str) -> None:
-    """Refuse what the schema cannot see: keys that exclude or need each other."""
-    if feature.column is not None:
-        for key, value in (('reduce', feature.reduce), ('missing', feature.missing)):
-            if value not in (None, 'unknown'):
-                raise OccError(
-                    f'{where}.{key}: got {value!r} for a table column, which is one number; '
-                    f'allowed is to leave {key} out'
-                )
-        if feature.transform == 'yaw':
-            raise OccError(
-                f"{where}.transform: got 'yaw' for a table column; it needs a quaternion field"
-            )
-    elif feature.transform == 'yaw' and feature.reduce:
-        raise OccError(
-            f"{where}: got transform 'yaw' with reduce {feature.reduce!r}; allowed is one of them"
-        )
-    elif ':' in feature.field and not feature.reduce:
-        raise OccError(
-            f'{where}: the key "reduce" is missing, which field {feature.field!r} needs to '
-            'become one number; allowed are min, max, mean, norm'
-        )
-
-
-def _feature_document(feature: FeatureSource) -> dict[str, Any]:
-    """Return a feature's keys, those at their defaults left out."""
-    source = 'field' if feature.column is None else 'column'
-    document = {
-        'name': feature.name,
-        'topic': feature.topic,
-        source: getattr(feature, source),
-        'unit': feature.unit,
-    }
-    bounds = [value if np.isfinite(value) else None for value in (feature.low, feature.high)]
-    if bounds != [None, None]:
-        document['bounds'] = bounds
-    for key in ('reduce', 'transform'):
-        if getattr(feature, key) is not None:
-            document[key] = getattr(feature, key)
-    if feature.missing != 'unknown':
-        document['missing'] = feature.missing
-    if feature.family:
-        document['family'] = feature.family
-    return document

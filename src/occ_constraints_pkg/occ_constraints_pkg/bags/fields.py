@@ -1,39 +1,88 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""One number out of one message: field paths, missing ranges, reduction, transform."""
+"""Numbers out of one message: field paths, missing ranges, sectors, reduction."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from occ_constraints_pkg.bags.feature_map import FeatureSource
+from occ_constraints_pkg.bags.sources import Reading
 from occ_constraints_pkg.documents import did_you_mean
 from occ_constraints_pkg.errors import OccError
 
 _STEP = re.compile(r'\.?([A-Za-z_]\w*)|\[(-?\d+)\]|\[(-?\d*):(-?\d*)\]')
 
-_REDUCTIONS: dict[str, Callable[[np.ndarray], float]] = {
+REDUCTIONS: dict[str, Callable[[np.ndarray], float]] = {
     'min': np.min,
     'max': np.max,
     'mean': np.mean,
     'norm': np.linalg.norm,
 }
+# What LaserScan and Range call their greatest range, and LaserScan its angles.
+GREATEST = ('range_max', 'max_range')
+GEOMETRY = ('angle_min', 'angle_increment')
+# Sectors are compared in whole ten-thousandths of a degree: finer than the single-precision angles
+# of a scan, and exact, so that no beam is lost or counted twice between two sectors.
+_PER_DEGREE = 10_000
+_CIRCLE = 360 * _PER_DEGREE
+# In degrees; a scan with beams beyond has no angles that make sense.
+_FURTHEST = 36_000
+
+
+class MessageReader:
+    """Reads several numbers from each message of a topic, of rosbags or of rclpy alike.
+
+    This is where a message becomes numbers; everything after it sees only those.
+
+    Args:
+        readings: ``(feature, reading)`` for each number; the feature's name is for errors.
+    """
+
+    def __init__(self, readings: Sequence[tuple[str, Reading]]) -> None:
+        self._count = len(readings)
+        self._single: list[tuple[int, FieldReader]] = []
+        arrays: dict[tuple[str | None, str], list[tuple[int, FieldReader]]] = {}
+        for place, (name, reading) in enumerate(readings):
+            field = FieldReader(name, reading)
+            if reading.reduce in (None, 'yaw'):
+                self._single.append((place, field))
+            else:
+                arrays.setdefault((reading.field, reading.missing), []).append((place, field))
+        self._arrays = [_Array(members) for members in arrays.values()]
+
+    def read(self, message: Any) -> list[float]:
+        """Return the numbers, in order; NaN where nothing was measured.
+
+        Raises:
+            OccError: the message has no such field, or it is not what the feature map says.
+        """
+        numbers = [math.nan] * self._count
+        for place, field in self._single:
+            numbers[place] = field.number(message)
+        for array in self._arrays:
+            array.read(message, numbers)
+        return numbers
 
 
 class FieldReader:
-    """Reads one feature from messages of rosbags or rclpy, which name their fields alike."""
+    """One reading's field of a message, and the errors that speak of it.
 
-    def __init__(self, source: FeatureSource) -> None:
-        self._source = source
+    Args:
+        name: the feature's, for errors.
+        reading: what to read; it has a field.
+    """
+
+    def __init__(self, name: str, reading: Reading) -> None:
+        self._name, self.reading = name, reading
         self._steps: list[str | int | slice] = []
-        for name, index, start, stop in _STEP.findall(source.field):
-            if name:
-                self._steps.append(name)
+        for attribute, index, start, stop in _STEP.findall(reading.field):
+            if attribute:
+                self._steps.append(attribute)
             elif index:
                 self._steps.append(int(index))
             else:
@@ -41,14 +90,14 @@ class FieldReader:
                     slice(int(start) if start else None, int(stop) if stop else None)
                 )
 
-    def read(self, message: Any) -> float:
-        """Return the feature's value; NaN where the message holds an empty array.
+    @property
+    def path(self) -> tuple[str | int | slice, ...]:
+        """The steps from the message to the field."""
+        return tuple(self._steps)
 
-        Raises:
-            OccError: the message has no such field, or it is not what the feature map says.
-        """
-        source = self._source
-        value: Any = message
+    def value(self, message: Any) -> Any:
+        """Follow the path."""
+        value = message
         for place, step in enumerate(self._steps):
             try:
                 if isinstance(step, slice):
@@ -56,17 +105,26 @@ class FieldReader:
                 value = getattr(value, step) if isinstance(step, str) else value[step]
             except (AttributeError, IndexError, TypeError) as error:
                 raise self._missing(place, value) from error
-        if source.transform == 'yaw':
-            return self._yaw(value)
-        if source.reduce is not None:
-            number = self._reduce(value, message)
-        else:
-            number = self._number(value)
-            if source.missing == 'max_range' and _unmeasured(number):
-                number = self._range_max(message)
-        return abs(number) if source.transform == 'abs' else number
+        return value
 
-    def _reduce(self, value: Any, message: Any) -> float:
+    def number(self, message: Any) -> float:
+        """Return a field that is one number, or the yaw of a quaternion."""
+        value = self.value(message)
+        if self.reading.reduce == 'yaw':
+            return self._yaw(value)
+        if isinstance(value, str | bytes) or np.ndim(value):
+            raise self._wrong(value, 'one number; an array needs the key "reduce"')
+        try:
+            number = float(value)
+        except (TypeError, ValueError):
+            raise self._wrong(value, 'one number') from None
+        if self.reading.missing != 'unknown' and unmeasured(number):
+            return self.greatest(message) if self.reading.missing == 'max_range' else math.nan
+        return number
+
+    def array(self, message: Any) -> np.ndarray:
+        """Return a field that is an array, or a vector such as Vector3, as float64."""
+        value = self.value(message)
         if hasattr(value, 'x') and hasattr(value, 'y'):
             value = [getattr(value, axis) for axis in 'xyzw' if hasattr(value, axis)]
         try:
@@ -75,23 +133,57 @@ class FieldReader:
             numbers = np.empty(())
         if numbers.ndim != 1:
             raise self._wrong(value, 'an array or vector of numbers')
-        if numbers.size == 0:
-            return math.nan
-        if self._source.missing == 'max_range':
-            furthest = self._range_max(message)
-            if not (numbers > 0).any() and not np.isneginf(numbers).any():
-                # Not one beam returned or says "nothing in range" (+Inf): the scanner is blind.
-                return math.nan
-            numbers = np.where(_unmeasured(numbers), furthest, numbers)
-        return float(_REDUCTIONS[self._source.reduce](numbers))
+        return numbers
 
-    def _number(self, value: Any) -> float:
-        if isinstance(value, str | bytes) or np.ndim(value):
-            raise self._wrong(value, 'one number; an array needs the key "reduce"')
+    def greatest(self, message: Any) -> float:
+        """Return the greatest range of a LaserScan or a Range message."""
+        for name in GREATEST:
+            if hasattr(message, name):
+                return float(getattr(message, name))
+        raise OccError(
+            f'feature {self._name!r} of topic {self.reading.topic!r} has missing: '
+            f"max_range, but {_kind(message)} has no field 'range_max'"
+        )
+
+    def geometry(self, message: Any) -> tuple[float, float]:
+        """Return first angle and step between beams, in rad."""
         try:
-            return float(value)
-        except (TypeError, ValueError):
-            raise self._wrong(value, 'one number') from None
+            return float(message.angle_min), float(message.angle_increment)
+        except AttributeError:
+            raise OccError(
+                f'feature {self._name!r} of topic {self.reading.topic!r} asks for a sector, but '
+                f"{_kind(message)} has no fields 'angle_min' and 'angle_increment'"
+            ) from None
+
+    def beams(self, first: float, step: float, count: int) -> np.ndarray:
+        """Return the positions of the beams in the reading's sector.
+
+        Args:
+            first: angle of the first beam, in rad.
+            step: angle between beams.
+            count: number of beams.
+
+        Raises:
+            OccError: there is none.
+        """
+        angles = np.degrees(first + step * np.arange(count)) * _PER_DEGREE
+        if not (np.abs(angles) <= _FURTHEST * _PER_DEGREE).all():
+            raise OccError(
+                f'topic {self.reading.topic!r} has a scan of {count} beams with angle_min '
+                f'{first:g} and angle_increment {step:g}; allowed are beams within some turns'
+            )
+        angles = np.rint(angles).astype(np.int64)
+        low, high = (round(angle * _PER_DEGREE) for angle in self.reading.degrees)
+        inside = np.flatnonzero((angles - low) % _CIRCLE < high - low)
+        if not len(inside):
+            ends = sorted((int(angles[0]), int(angles[-1])))
+            raise OccError(
+                f'feature {self._name!r} of topic {self.reading.topic!r} asks for the sector from '
+                f'{low / _PER_DEGREE:g} to {high / _PER_DEGREE:g} degrees, but no beam of the '
+                f'scan is there; its beams go from {ends[0] / _PER_DEGREE:g} to '
+                f'{ends[1] / _PER_DEGREE:g} degrees'
+            )
+        return inside
 
     def _yaw(self, value: Any) -> float:
         try:
@@ -103,27 +195,18 @@ class FieldReader:
         # All zero is how an orientation is said to be unset.
         return math.atan2(sine, cosine) if sine or cosine else math.nan
 
-    def _range_max(self, message: Any) -> float:
-        try:
-            return float(message.range_max)
-        except AttributeError:
-            raise OccError(
-                f'feature {self._source.name!r} of topic {self._source.topic!r} has missing: '
-                f"max_range, but {_kind(message)} has no field 'range_max'"
-            ) from None
-
     def _check_reach(self, step: slice, length: int) -> None:
         """Refuse a slice that asks for elements that are not there, except of an empty array."""
         start, stop, _ = step.indices(length)
         beyond = any(abs(end) > length for end in (step.start, step.stop) if end is not None)
         if length and (beyond or start >= stop):
             raise OccError(
-                f'feature {self._source.name!r} of topic {self._source.topic!r} asks for '
-                f'{self._source.field!r}, but the array has {length} elements'
+                f'feature {self._name!r} of topic {self.reading.topic!r} asks for '
+                f'{self.reading.field!r}, but the array has {length} elements'
             )
 
     def _missing(self, place: int, value: Any) -> OccError:
-        source, step = self._source, self._steps[place]
+        reading, step = self.reading, self._steps[place]
         if isinstance(step, str):
             names = field_names(value)
             at = _render(self._steps[:place]) or 'the message'
@@ -134,15 +217,99 @@ class FieldReader:
         else:
             what = f'{_render(self._steps[:place])} is not an array'
         return OccError(
-            f'feature {source.name!r} of topic {source.topic!r} asks for {source.field!r}, '
+            f'feature {self._name!r} of topic {reading.topic!r} asks for {reading.field!r}, '
             f'but {what}'
         )
 
     def _wrong(self, value: Any, allowed: str) -> OccError:
         return OccError(
-            f'feature {self._source.name!r} of topic {self._source.topic!r}: '
-            f'{self._source.field!r} is {_kind(value)}; allowed is {allowed}'
+            f'feature {self._name!r} of topic {self.reading.topic!r}: '
+            f'{self.reading.field!r} is {_kind(value)}; allowed is {allowed}'
         )
+
+
+class _Sectors(NamedTuple):
+    """The beams of several sectors, one sector after the other.
+
+    Attributes:
+        places: of the sectors' numbers in the answer.
+        beams: positions in the array of ranges.
+        starts: where each sector begins in ``beams``.
+    """
+
+    places: list[int]
+    beams: np.ndarray
+    starts: np.ndarray
+
+
+class _Array:
+    """Several reductions of one array, with one meaning of what was not measured."""
+
+    def __init__(self, members: list[tuple[int, FieldReader]]) -> None:
+        self._field = members[0][1]
+        self._missing = self._field.reading.missing
+        self._plain = [item for item in members if item[1].reading.degrees is None]
+        self._sectored = [item for item in members if item[1].reading.degrees is not None]
+        # Of the scan that came last: scans keep their geometry, as a rule.
+        self._geometry: tuple[float, float, int] | None = None
+        self._extremes: dict[str, _Sectors] = {}
+        self._others: list[tuple[int, FieldReader, np.ndarray]] = []
+
+    def read(self, message: Any, numbers: list[float]) -> None:
+        """Put the reductions into ``numbers``; what is missing stays NaN there."""
+        values = self._field.array(message)
+        if not values.size:
+            return
+        measured = None
+        if self._missing != 'unknown':
+            missing = unmeasured(values)
+            if self._missing == 'drop':
+                measured = ~missing
+            else:
+                greatest = self._field.greatest(message)
+                if not (values > 0).any() and not np.isneginf(values).any():
+                    # Not one beam returned or says "nothing in range" (+Inf): it is blind.
+                    return
+                values = np.where(missing, greatest, values)
+        for place, field in self._plain:
+            kept = values if measured is None else values[measured]
+            if kept.size:
+                numbers[place] = float(REDUCTIONS[field.reading.reduce](kept))
+        if not self._sectored:
+            return
+        geometry = (*self._field.geometry(message), len(values))
+        if geometry != self._geometry:
+            self._lay_out(geometry)
+        for reduce, sectors in self._extremes.items():
+            worst, pick = (np.inf, np.minimum) if reduce == 'min' else (-np.inf, np.maximum)
+            kept = values if measured is None else np.where(measured, values, worst)
+            found = pick.reduceat(kept[sectors.beams], sectors.starts).tolist()
+            for place, number in zip(sectors.places, found, strict=True):
+                # With "drop", the worst value stands for a sector without a return.
+                if measured is None or number != worst:
+                    numbers[place] = number
+        for place, field, beams in self._others:
+            kept = values[beams] if measured is None else values[beams][measured[beams]]
+            if kept.size:
+                numbers[place] = float(REDUCTIONS[field.reading.reduce](kept))
+
+    def _lay_out(self, geometry: tuple[float, float, int]) -> None:
+        """Find out which beams lie in which sector."""
+        self._extremes, self._others = {}, []
+        for reduce in ('min', 'max'):
+            members = [item for item in self._sectored if item[1].reading.reduce == reduce]
+            if members:
+                beams = [field.beams(*geometry) for _, field in members]
+                starts = np.cumsum([0, *(len(item) for item in beams[:-1])])
+                self._extremes[reduce] = _Sectors(
+                    [place for place, _ in members], np.concatenate(beams), starts
+                )
+        self._others = [
+            (place, field, field.beams(*geometry))
+            for place, field in self._sectored
+            if field.reading.reduce not in self._extremes
+        ]
+        self._geometry = geometry
 
 
 def field_names(message: Any) -> list[str]:
@@ -153,9 +320,17 @@ def field_names(message: Any) -> list[str]:
     return [name for name in names if not name.startswith('__')]
 
 
-def _unmeasured(value: Any) -> Any:
+def header_stamp_ns(message: Any) -> int | None:
+    """Return a message's header stamp in ns; None without a header or with the unset stamp 0."""
+    stamp = getattr(getattr(message, 'header', None), 'stamp', None)
+    if not (hasattr(stamp, 'sec') and hasattr(stamp, 'nanosec')):
+        return None
+    return stamp.sec * 1_000_000_000 + stamp.nanosec or None
+
+
+def unmeasured(value: Any) -> Any:
     """Tell where a scanner says that it saw nothing: +Inf and NaN of REP 117, 0 of real ones."""
-    return np.isnan(value) | (value == np.inf) | (value == 0.0)
+    return np.logical_not((value < np.inf) & (value != 0.0))
 
 
 def _kind(value: Any) -> str:

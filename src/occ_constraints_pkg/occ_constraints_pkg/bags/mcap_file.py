@@ -1,11 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Index of one MCAP file, whole or cut short, and the messages of its parts.
-
-The record layouts are those of the MCAP specification, https://mcap.dev/spec. Records that occur
-once or a few times are parsed by the ``mcap`` library; messages, of which there are millions, are
-unpacked here, which is several times as fast and lets a cut-off chunk give up what it still holds.
-"""
+"""An MCAP file, whole or cut short: what it holds and where."""
 
 from __future__ import annotations
 
@@ -13,273 +8,301 @@ import os
 import struct
 import zlib
 from collections import Counter
-from collections.abc import Iterator
-from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO
 
-import lz4.frame
-import zstandard
+import numpy as np
 from mcap import records
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 
+from occ_constraints_pkg.bags.mcap_records import (
+    DAMAGE,
+    HEAD,
+    MAGIC,
+    indexed,
+    numbers_at,
+    records_of,
+    unpack_chunk,
+    walked,
+)
+from occ_constraints_pkg.bags.qos import parse_profiles
+from occ_constraints_pkg.bags.storage import (
+    MAX_PIECE_BYTES,
+    Block,
+    Segment,
+    TopicInfo,
+    with_counts,
+)
 from occ_constraints_pkg.errors import OccError
 
-MAGIC = b'\x89MCAP0\r\n'
-_HEAD = struct.Struct('<BQ')  # opcode, length of the body
-_MESSAGE = struct.Struct('<HIQQ')  # channel, sequence, log time, publish time
-_CHUNK = struct.Struct('<QQQII')  # start, end, uncompressed size, CRC, length of compression name
-_FOOTER_SIZE = _HEAD.size + 20 + len(MAGIC)
+_MESSAGE_SIZE = 22  # channel (2 bytes), sequence (4), log time (8), publish time (8)
+_FOOTER_SIZE = HEAD.size + 20 + len(MAGIC)
 _RUN_BYTES = 1 << 20
-# Errors that the parsers of other people's libraries raise on damaged bytes.
-_DAMAGE = (McapError, struct.error, UnicodeDecodeError, EOFError, KeyError, IndexError, ValueError)
 
 
-@dataclass(frozen=True)
-class Segment:
-    """A part of a file that is loaded at once: a chunk, or a run of messages outside of chunks.
+class McapFile:
+    """Index of an MCAP file, made from its summary or, where that does not suffice, by reading it.
 
-    Attributes:
-        start_ns: no message in it was logged earlier.
-        end_ns: no message in it was logged later.
-        offset: where its first record begins in the file.
-        length: bytes up to the end of its last record, or of the file where that is cut short.
-        chunk: whether it is a chunk.
-        cut: whether the file ends inside it.
-    """
+    A file that its recorder did not finish is used up to the last complete message.
 
-    start_ns: int
-    end_ns: int
-    offset: int
-    length: int
-    chunk: bool
-    cut: bool = False
-
-
-@dataclass
-class McapIndex:
-    """What an MCAP file holds and where.
+    Args:
+        path: what errors and warnings call it.
+        file: where it is readable; None: there.
 
     Attributes:
-        path: the file.
-        schemas: schema id to record.
-        channels: channel id to record.
-        counts: channel id to number of messages.
+        path: the file's name.
+        topics: channel number to topic name and what is known of it.
         segments: the parts that hold messages, in file order.
         warning: what is missing or damaged, in one sentence; empty when nothing is.
-    """
-
-    path: Path
-    schemas: dict[int, records.Schema] = field(default_factory=dict)
-    channels: dict[int, records.Channel] = field(default_factory=dict)
-    counts: Counter[int] = field(default_factory=Counter)
-    segments: list[Segment] = field(default_factory=list)
-    warning: str = ''
-
-
-def index_mcap(path: Path) -> McapIndex:
-    """Index an MCAP file from its summary, or by reading through it where that does not suffice.
 
     Raises:
         OccError: the file cannot be read or is not MCAP.
     """
-    try:
-        with path.open('rb') as file:
-            if file.read(len(MAGIC)) != MAGIC:
-                raise OccError(f'{path} is not an MCAP file: it does not begin with the MCAP magic')
-            return _from_summary(path, file) or _from_scan(path, file)
-    except OSError as error:
-        raise OccError(f'cannot read {path}: {error.strerror}') from error
 
-
-def load_segment(index: McapIndex, file: BinaryIO, segment: Segment) -> list[tuple]:
-    """Return ``(log_time_ns, channel_id, data)`` of a segment's messages, in log order.
-
-    Messages of equal time keep the order in which they were written.
-
-    Raises:
-        OccError: the segment is damaged.
-    """
-    file.seek(segment.offset)
-    stored = file.read(segment.length)
-    try:
-        records_ = _unpack_chunk(stored, cut=segment.cut) if segment.chunk else stored
-        messages = list(_messages(index, records_, cut=segment.cut))
-    except _DAMAGE as error:
-        raise OccError(
-            f'{index.path} is damaged: the chunk at byte {segment.offset} cannot be read ({error})'
-        ) from error
-    messages.sort(key=_log_time)
-    return messages
-
-
-def _log_time(message: tuple) -> int:
-    return message[0]
-
-
-def _messages(index: McapIndex, buffer: bytes, *, cut: bool = False) -> Iterator[tuple]:
-    """Walk over the records of a chunk or run; learn its schemas and channels on the way."""
-    position, size = 0, len(buffer)
-    while position < size:
-        body = position + _HEAD.size
-        opcode, length = _HEAD.unpack_from(buffer, position) if body <= size else (0, 0)
-        position = body + length
-        if position > size:
-            if cut:
-                return
-            raise ValueError(f'a record reaches {position - size} bytes past its end')
-        if opcode == Opcode.MESSAGE:
-            channel, _, log_time, _ = _MESSAGE.unpack_from(buffer, body)
-            if channel not in index.channels:
-                raise ValueError(f'a message belongs to the unknown channel {channel}')
-            yield log_time, channel, buffer[body + _MESSAGE.size : position]
-        elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            _learn(index, opcode, buffer[body:position])
-
-
-def _learn(index: McapIndex, opcode: int, body: bytes) -> None:
-    stream = ReadDataStream(BytesIO(body))
-    if opcode == Opcode.SCHEMA:
-        schema = records.Schema.read(stream)
-        index.schemas[schema.id] = schema
-    else:
-        channel = records.Channel.read(stream)
-        index.channels[channel.id] = channel
-
-
-def _unpack_chunk(record: bytes, *, cut: bool) -> bytes:
-    """Return the records within a chunk record; of a cut one, as much as can be unpacked."""
-    body = _HEAD.size
-    _, _, size, crc, name_length = _CHUNK.unpack_from(record, body)
-    name_end = body + _CHUNK.size + name_length
-    compression = record[body + _CHUNK.size : name_end].decode()
-    stored_size = struct.unpack_from('<Q', record, name_end)[0]
-    stored = record[name_end + 8 : name_end + 8 + stored_size]
-    if compression not in ('', 'zstd', 'lz4'):
-        raise ValueError(f'compression {compression!r}; allowed are zstd, lz4 and none')
-    try:
-        if compression == 'zstd':
-            stored = zstandard.ZstdDecompressor().decompressobj().decompress(stored)
-        elif compression == 'lz4':
-            stored = lz4.frame.LZ4FrameDecompressor().decompress(stored)
-    except (zstandard.ZstdError, RuntimeError) as error:
-        raise ValueError(f'its {compression} data are invalid: {error}') from error
-    if not cut:
-        if len(stored) != size:
-            raise ValueError(f'it holds {len(stored)} bytes instead of {size}')
-        if crc and zlib.crc32(stored) != crc:
-            raise ValueError('its checksum is wrong')
-    return stored
-
-
-def _from_summary(path: Path, file: BinaryIO) -> McapIndex | None:
-    """Return the index that the file's summary gives, or None where it does not tell all."""
-    size = os.fstat(file.fileno()).st_size
-    if size < len(MAGIC) + _FOOTER_SIZE:
-        return None
-    file.seek(size - _FOOTER_SIZE)
-    footer = file.read()
-    opcode, length = _HEAD.unpack_from(footer)
-    start = struct.unpack_from('<Q', footer, _HEAD.size)[0]
-    if opcode != Opcode.FOOTER or length != 20 or footer[-8:] != MAGIC or not start < size:
-        return None
-    if start == 0:
-        return None
-    index, statistics = McapIndex(path), None
-    file.seek(start)
-    summary = file.read(size - _FOOTER_SIZE - start)
-    try:
-        for opcode, body in _records(summary):
-            if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                _learn(index, opcode, body)
-            elif opcode == Opcode.STATISTICS:
-                statistics = records.Statistics.read(ReadDataStream(BytesIO(body)))
-            elif opcode == Opcode.CHUNK_INDEX:
-                chunk = records.ChunkIndex.read(ReadDataStream(BytesIO(body)))
-                index.segments.append(
-                    Segment(
-                        chunk.message_start_time,
-                        chunk.message_end_time,
-                        chunk.chunk_start_offset,
-                        chunk.chunk_length,
-                        chunk=True,
+    def __init__(self, path: Path, file: Path | None = None) -> None:
+        self.path = path
+        self._file = file or path
+        self.warning = ''
+        self.segments: list[Segment] = []
+        self._schemas: dict[int, records.Schema] = {}
+        self._channels: dict[int, records.Channel] = {}
+        self._counts: Counter[int] = Counter()
+        # Where a chunk that the end of the file cuts short begins.
+        self._cut: int | None = None
+        try:
+            with self._file.open('rb') as file:
+                self._size = os.fstat(file.fileno()).st_size
+                if file.read(len(MAGIC)) != MAGIC:
+                    raise OccError(
+                        f'{path} is not an MCAP file: it does not begin with the MCAP magic'
                     )
-                )
-    except _DAMAGE:
-        return None
-    if statistics is None:
-        return None
-    index.counts.update(statistics.channel_message_counts)
-    told = (
-        len(index.channels) == statistics.channel_count
-        and len(index.segments) == statistics.chunk_count > 0
-        and sum(index.counts.values()) == statistics.message_count
-        and index.counts.keys() <= index.channels.keys()
-        and all(channel.schema_id in (0, *index.schemas) for channel in index.channels.values())
-    )
-    index.segments.sort(key=lambda segment: segment.offset)
-    return index if told else None
+                if not self._read_summary(file):
+                    self.segments.clear()
+                    self._schemas.clear()
+                    self._channels.clear()
+                    self._counts.clear()
+                    self._scan(file)
+        except OSError as error:
+            raise OccError(f'cannot read {path}: {error.strerror}') from error
+        topics = {number: self._topic(channel) for number, channel in self._channels.items()}
+        self.topics = with_counts(topics, self._counts)
+
+    def load(self, segment: Segment) -> Block:
+        """Return a segment's messages in log order, those of equal time in file order.
+
+        Raises:
+            OccError: the segment is damaged.
+        """
+        try:
+            with self._file.open('rb') as file:
+                block = self._read(file, segment)
+        except OSError as error:
+            raise OccError(f'cannot read {self.path}: {error.strerror}') from error
+        if len(block) and not segment.start_ns <= block.times[0] <= block.times[-1] <= (
+            segment.end_ns
+        ):
+            raise self._damage(segment, 'its messages are of other times than the summary says')
+        return block
+
+    def _damage(self, segment: Segment, what: object) -> OccError:
+        kind = 'chunk' if segment.chunk else 'part'
+        return OccError(
+            f'{self.path} is damaged: the {kind} at byte {segment.first} cannot be read ({what})'
+        )
+
+    def _topic(self, channel: records.Channel) -> tuple[str, TopicInfo]:
+        schema = self._schemas.get(channel.schema_id)
+        return channel.topic, TopicInfo(
+            schema.name if schema else '',
+            0,
+            channel.message_encoding,
+            schema.data.decode('utf-8', 'replace') if schema else '',
+            schema.encoding if schema else '',
+            parse_profiles(channel.metadata.get('offered_qos_profiles')),
+        )
+
+    def _read(self, file: BinaryIO, segment: Segment) -> Block:
+        cut = segment.first == self._cut
+        try:
+            if segment.length > MAX_PIECE_BYTES:
+                raise ValueError(f'it has {segment.length} bytes; allowed are {MAX_PIECE_BYTES}')
+            file.seek(segment.first)
+            data, index = file.read(segment.length), b''
+            if segment.chunk:
+                data = unpack_chunk(data, cut=cut)
+                index = file.read(segment.index_length)
+            return self._messages(data, index, cut=cut)
+        except DAMAGE as error:
+            raise self._damage(segment, error or type(error).__name__) from error
+
+    def _messages(self, data: bytes | memoryview, index: bytes, *, cut: bool) -> Block:
+        """Find the messages among the records of a chunk or run; learn channels on the way."""
+        begins, ends = indexed(data, index) or walked(data, cut=cut)
+        opcodes = np.frombuffer(data, dtype=np.uint8)[begins]
+        for row in np.flatnonzero((opcodes == Opcode.SCHEMA) | (opcodes == Opcode.CHANNEL)):
+            body = data[begins[row] + HEAD.size : ends[row]]
+            self._learn(opcodes[row], bytes(body))
+        rows = np.flatnonzero(opcodes == Opcode.MESSAGE)
+        bodies, ends = begins[rows] + HEAD.size, ends[rows]
+        if (ends - bodies < _MESSAGE_SIZE).any():
+            raise ValueError('a message is too short to have a time')
+        channels = numbers_at(data, bodies, '<u2').astype(np.int64)
+        times = numbers_at(data, bodies + 6, '<u8').astype(np.int64)
+        if (times < 0).any():
+            raise ValueError('a message has a time above 2^63 - 1 ns')
+        unknown = set(np.flatnonzero(np.bincount(channels)).tolist()) - self._channels.keys()
+        if unknown:
+            raise ValueError(f'a message belongs to the unknown channel {min(unknown)}')
+        block = Block(data, channels, times, bodies + _MESSAGE_SIZE, ends)
+        rising = len(times) < 2 or bool((times[1:] >= times[:-1]).all())
+        return block if rising else block.select(np.argsort(times, kind='stable'))
+
+    def _learn(self, opcode: int, body: bytes) -> None:
+        stream = ReadDataStream(BytesIO(body))
+        if opcode == Opcode.SCHEMA:
+            schema = records.Schema.read(stream)
+            if self._schemas.setdefault(schema.id, schema) != schema:
+                raise ValueError(f'schema {schema.id} is there twice, with different content')
+        else:
+            channel = records.Channel.read(stream)
+            known = self._channels.setdefault(channel.id, channel)
+            if (known.topic, known.schema_id, known.message_encoding) != (
+                channel.topic,
+                channel.schema_id,
+                channel.message_encoding,
+            ):
+                raise ValueError(f'channel {channel.id} is there twice, with different content')
+
+    def _read_summary(self, file: BinaryIO) -> bool:
+        """Take the index from the file's summary; tell whether it says all that is needed."""
+        if self._size < len(MAGIC) + _FOOTER_SIZE:
+            return False
+        file.seek(self._size - _FOOTER_SIZE)
+        footer = file.read()
+        opcode, length = HEAD.unpack_from(footer)
+        start, _, crc = struct.unpack_from('<QQI', footer, HEAD.size)
+        end = self._size - _FOOTER_SIZE
+        if opcode != Opcode.FOOTER or length != 20 or footer[-8:] != MAGIC:
+            return False
+        if not 0 < start <= end or end - start > MAX_PIECE_BYTES:
+            return False
+        file.seek(start)
+        summary = file.read(end - start)
+        # The checksum covers the footer up to the checksum itself.
+        if crc and zlib.crc32(footer[: HEAD.size + 16], zlib.crc32(summary)) != crc:
+            return False
+        statistics, chunks = None, []
+        try:
+            for opcode, body in records_of(summary):
+                stream = ReadDataStream(BytesIO(body))
+                if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                    self._learn(opcode, body)
+                elif opcode == Opcode.STATISTICS:
+                    statistics = records.Statistics.read(stream)
+                elif opcode == Opcode.CHUNK_INDEX:
+                    chunks.append(records.ChunkIndex.read(stream))
+        except DAMAGE:
+            return False
+        if statistics is None or not chunks:
+            return False
+        chunks.sort(key=lambda chunk: chunk.chunk_start_offset)
+        self._counts.update(statistics.channel_message_counts)
+        self.segments += (
+            Segment(
+                chunk.message_start_time,
+                chunk.message_end_time,
+                chunk.chunk_start_offset,
+                chunk.chunk_length,
+                chunk=True,
+                channels=frozenset(chunk.message_index_offsets) or None,
+                index_length=min(chunk.message_index_length, MAX_PIECE_BYTES),
+            )
+            for chunk in chunks
+        )
+        return (
+            len(self._channels) == statistics.channel_count
+            and len(chunks) == statistics.chunk_count
+            and sum(self._counts.values()) == statistics.message_count
+            and self._counts.keys() <= self._channels.keys()
+            and all(item.schema_id in (0, *self._schemas) for item in self._channels.values())
+            and _chunks_hold_all(file, chunks, start)
+        )
+
+    def _scan(self, file: BinaryIO) -> None:
+        """Index the file by reading through it, up to where it ends or stops making sense."""
+        position, run = len(MAGIC), None
+        while True:
+            file.seek(position)
+            head = file.read(HEAD.size)
+            opcode, length = HEAD.unpack(head) if len(head) == HEAD.size else (0, 0)
+            end = position + HEAD.size + length
+            whole = end <= self._size
+            loose = opcode in (Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL) and whole
+            if run is not None and (not loose or end - run > _RUN_BYTES):
+                if not self._add(file, Segment(0, 0, run, position - run)):
+                    return
+                run = None
+            if loose and run is None:
+                run = position
+            if opcode == Opcode.CHUNK:
+                self._cut = None if whole else position
+                length = min(end, self._size) - position
+                if not self._add(file, Segment(0, 0, position, length, chunk=True)):
+                    return
+            if opcode in (0, Opcode.DATA_END, Opcode.FOOTER) or not whole:
+                break
+            position = end
+        if opcode not in (Opcode.DATA_END, Opcode.FOOTER):
+            self._warn(f'the file ends, or is no longer readable, at byte {position}', position)
+
+    def _add(self, file: BinaryIO, segment: Segment) -> bool:
+        """Count a segment's messages and note it; a damaged one ends the part that is used."""
+        try:
+            block = self._read(file, segment)
+        except OccError as error:
+            self._warn(str(error), segment.first)
+            return False
+        if len(block):
+            channels, counts = np.unique(block.topics, return_counts=True)
+            found = dict(zip(channels.tolist(), counts.tolist(), strict=True))
+            self._counts.update(found)
+            times = int(block.times[0]), int(block.times[-1])
+            place = segment.first, segment.length, segment.chunk
+            self.segments.append(Segment(*times, *place, frozenset(found)))
+        return True
+
+    def _warn(self, what: str, position: int) -> None:
+        count = sum(self._counts.values())
+        lost = self._size - position
+        self.warning = (
+            f'{self.path} was not finished by its recorder or is damaged: {what}; the {count} '
+            f'complete messages before that are used, the last {lost} of {self._size} bytes are not'
+        )
 
 
-def _records(buffer: bytes) -> Iterator[tuple[int, bytes]]:
-    position = 0
-    while position < len(buffer):
-        opcode, length = _HEAD.unpack_from(buffer, position)
-        position += _HEAD.size + length
-        if position > len(buffer):
-            raise ValueError('a record reaches past the end of the summary')
-        yield opcode, buffer[position - length : position]
+def _chunks_hold_all(file: BinaryIO, chunks: list[records.ChunkIndex], end: int) -> bool:
+    """Tell whether no message lies outside of the chunks, where no summary would index it.
 
-
-def _from_scan(path: Path, file: BinaryIO) -> McapIndex:
-    """Index a file by reading through it, up to where it ends or stops making sense."""
-    index = McapIndex(path)
-    size = os.fstat(file.fileno()).st_size
-    position, run = len(MAGIC), None
-    while True:
-        file.seek(position)
-        head = file.read(_HEAD.size)
-        opcode, length = _HEAD.unpack(head) if len(head) == _HEAD.size else (0, 0)
-        end = position + _HEAD.size + length
-        loose = opcode in (Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL) and end <= size
-        if run is not None and (not loose or end - run > _RUN_BYTES):
-            _add(index, file, Segment(0, 0, run, position - run, chunk=False))
-            run = None
-        if loose and run is None:
-            run = position
-        if opcode == Opcode.CHUNK:
-            length = min(end, size) - position
-            _add(index, file, Segment(0, 0, position, length, chunk=True, cut=end > size))
-        if opcode in (0, Opcode.DATA_END, Opcode.FOOTER) or end > size or index.warning:
-            break
-        position = end
-    if opcode not in (Opcode.DATA_END, Opcode.FOOTER) and not index.warning:
-        _warn(index, f'the file ends, or is no longer readable, at byte {position} of {size}')
-    return index
-
-
-def _add(index: McapIndex, file: BinaryIO, segment: Segment) -> None:
-    """Count a segment's messages and note it; a damaged one ends the part that is used."""
-    try:
-        messages = load_segment(index, file, segment)
-    except OccError as error:
-        _warn(index, str(error))
-        return
-    if not messages:
-        return
-    index.counts.update(channel for _, channel, _ in messages)
-    times = messages[0][0], messages[-1][0]
-    index.segments.append(
-        Segment(*times, segment.offset, segment.length, segment.chunk, segment.cut)
-    )
-
-
-def _warn(index: McapIndex, what: str) -> None:
-    count = sum(index.counts.values())
-    index.warning = (
-        f'{index.path} was not finished by its recorder: {what}; '
-        f'the {count} complete messages before that are used'
-    )
+    Args:
+        file: the MCAP file.
+        chunks: its chunks, in file order.
+        end: where the summary begins.
+    """
+    position = len(MAGIC)
+    indexed = [
+        (item.chunk_start_offset, item.chunk_length + item.message_index_length) for item in chunks
+    ]
+    for until, following in (*indexed, (end, 0)):
+        while position < until:
+            file.seek(position)
+            head = file.read(HEAD.size)
+            opcode, length = HEAD.unpack(head) if len(head) == HEAD.size else (0, 0)
+            if opcode in (0, Opcode.MESSAGE, Opcode.CHUNK):
+                return False
+            position += HEAD.size + length
+        if position != until:
+            return False
+        position += following
+    return True

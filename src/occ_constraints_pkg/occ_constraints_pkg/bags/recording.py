@@ -5,54 +5,45 @@
 from __future__ import annotations
 
 import hashlib
-import heapq
 import re
-from collections.abc import Collection, Iterator
-from contextlib import ExitStack
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cached_property, partial
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from rosbags.interfaces import MessageDefinitionFormat
-from rosbags.rosbag2 import Reader, ReaderError
-from rosbags.typesys import (
-    Stores,
-    TypesysError,
-    get_types_from_idl,
-    get_types_from_msg,
-    get_typestore,
-)
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
+import numpy as np
 
-from occ_constraints_pkg.bags.mcap_file import McapIndex, index_mcap, load_segment
-from occ_constraints_pkg.bags.qos import parse_profiles
+from occ_constraints_pkg.bags.mcap_file import McapFile
+from occ_constraints_pkg.bags.metadata import (
+    is_compressed_by_message,
+    read_metadata,
+    with_metadata,
+)
+from occ_constraints_pkg.bags.sqlite_file import MAGIC as SQLITE_MAGIC
+from occ_constraints_pkg.bags.sqlite_file import SqliteFile
+from occ_constraints_pkg.bags.storage import (
+    MAX_PIECE_BYTES,
+    Block,
+    Segment,
+    StorageFile,
+    TopicInfo,
+    in_log_order,
+    unpack_zstd,
+)
+from occ_constraints_pkg.bags.typestores import (
+    UndefinedTypeError,
+    find_definitions,
+    find_typestore,
+)
+from occ_constraints_pkg.bags.unpacked import ZSTD_SUFFIXES, Unpacked
 from occ_constraints_pkg.documents import did_you_mean
 from occ_constraints_pkg.errors import OccError
 
 _SUFFIXES = ('.mcap', '.db3')
-
-
-@dataclass(frozen=True)
-class TopicInfo:
-    """What a recording knows about a topic.
-
-    Attributes:
-        msgtype: for example ``nav_msgs/msg/Odometry``.
-        count: number of messages.
-        serialization: ``cdr``, or what else the messages are encoded in.
-        definition: text of the message definition as stored; empty when the bag has none.
-        definition_format: ``ros2msg``, ``ros2idl`` or empty.
-        offered_qos: profiles of the recorded publishers, spelled as in rosbag2 metadata 9.
-    """
-
-    msgtype: str
-    count: int
-    serialization: str = 'cdr'
-    definition: str = ''
-    definition_format: str = ''
-    offered_qos: tuple[dict[str, Any], ...] = ()
+# Types as ROS 2 named them before its release Dashing, without the part 'msg'.
+_FIRST_NAMES = re.compile(r'^(\w+)/(\w+)$')
 
 
 @dataclass(frozen=True)
@@ -75,12 +66,13 @@ class RawMessage:
 class Recording:
     """A recording that has been looked through but not read; nothing stays open.
 
-    MCAP files are read here, including files without a footer that a killed recorder left behind;
-    SQLite files and file- or message-wise compressed bags are read through ``rosbags``.
+    Files without an ending, which a killed recorder left behind, and files that are cut short are
+    used up to the last complete message. Nothing is ever written beside the recording; files that
+    are compressed as a whole are unpacked to a temporary folder, which goes with this object.
 
     Attributes:
         path: the directory or file.
-        name: its last path component without ``.mcap`` or ``.db3``.
+        name: its last path component without the endings of storage files.
         files: the storage files, in order.
         topics: topic name to :class:`TopicInfo`, sorted by name.
         warnings: one sentence for each thing that is missing or damaged.
@@ -91,22 +83,22 @@ class Recording:
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        self.name = self.path.stem if self.path.suffix in _SUFFIXES else self.path.name
+        self.name = self.path.name if self.path.is_dir() else _bare_name(self.path)
         self.warnings: tuple[str, ...] = ()
         self._stores: dict[str, Any] = {}
+        self._unpacked = Unpacked()
         metadata = self._find_files()
-        mode = str(metadata.get('compression_mode') or 'none').lower()
-        self._compressed = mode != 'none'
-        self._indexes: tuple[McapIndex, ...] = ()
-        if not self._compressed and all(file.suffix == '.mcap' for file in self.files):
-            self._indexes = tuple(index_mcap(file) for file in self.files)
-            self.warnings += tuple(index.warning for index in self._indexes if index.warning)
-            topics = self._mcap_topics()
-        else:
-            topics = self._rosbags_topics()
-        self.topics = dict(sorted(_with_metadata(topics, metadata).items()))
+        self._message_zstd = is_compressed_by_message(metadata, self.path)
+        self._storages = tuple(self._open(file) for file in self.files)
+        self.topics = dict(sorted(with_metadata(self._all_topics(), metadata).items()))
         if not self.message_count:
             raise OccError(f'{self.path} holds no messages; allowed is a recording with some')
+        promised = metadata.get('message_count')
+        if isinstance(promised, int) and promised > self.message_count:
+            self.warnings += (
+                f'{self.path} holds {self.message_count} messages, but its metadata.yaml '
+                f'promises {promised}',
+            )
 
     @property
     def message_count(self) -> int:
@@ -127,6 +119,11 @@ class Recording:
             f'{self.path} has no topic {name!r}{hint} its topics are {", ".join(self.topics)}'
         )
 
+    @cached_property
+    def start_ns(self) -> int:
+        """Log time of the first message."""
+        return min(segment.start_ns for storage in self._storages for segment in storage.segments)
+
     def messages(self, topics: Collection[str] | None = None) -> Iterator[RawMessage]:
         """Yield messages in the order in which they were logged; equal times in file order.
 
@@ -138,8 +135,77 @@ class Recording:
         Raises:
             OccError: there is no such topic, or the recording is damaged.
         """
-        wanted = set(self.topics) if topics is None else {self.find(name) for name in topics}
-        return self._mcap_messages(wanted) if self._indexes else self._rosbags_messages(wanted)
+        names = list(self.topics) if topics is None else [self.find(name) for name in topics]
+        return self._each_message(names)
+
+    def _each_message(self, names: list[str]) -> Iterator[RawMessage]:
+        kinds = [(name, self.topics[name].msgtype) for name in names]
+        for block in self.blocks(names):
+            data = block.data
+            columns = (block.topics, block.times, block.starts, block.ends)
+            for place, time, start, end in zip(*(item.tolist() for item in columns), strict=True):
+                yield RawMessage(*kinds[place], time, bytes(data[start:end]))
+
+    def blocks(self, topics: list[str]) -> Iterator[Block]:
+        """Yield what :meth:`messages` does, many messages at a time.
+
+        Args:
+            topics: names as in :attr:`topics`; ``Block.topics`` are places in this list.
+
+        Raises:
+            OccError: the recording is damaged.
+        """
+        places = {name: place for place, name in enumerate(topics)}
+        pieces = []
+        for number, storage in enumerate(self._storages):
+            wanted = {
+                channel: places[name]
+                for channel, (name, _) in sorted(storage.topics.items())
+                if name in places
+            }
+            for place, segment in enumerate(storage.segments):
+                if segment.channels is None or segment.channels & wanted.keys():
+                    load = partial(self._load, storage, segment, wanted)
+                    pieces.append((segment.start_ns, number, place, load))
+        pieces.sort(key=lambda piece: piece[:3])
+        counts: Counter[int] = Counter()
+        for block in in_log_order((start, load) for start, _, _, load in pieces):
+            counts.update(dict(enumerate(np.bincount(block.topics).tolist())))
+            yield block
+        for name, place in places.items():
+            if counts[place] != self.topics[name].count:
+                raise OccError(
+                    f'{self.path} is damaged: it has {counts[place]} messages on {name!r} instead '
+                    f'of {self.topics[name].count}'
+                )
+
+    def _load(self, storage: StorageFile, segment: Segment, wanted: dict[int, int]) -> Block:
+        block = storage.load(segment)
+        channels = np.array(list(wanted), dtype=np.int64)
+        at = np.minimum(np.searchsorted(channels, block.topics), len(channels) - 1)
+        is_wanted = channels[at] == block.topics
+        if not is_wanted.all():
+            block, at = block.select(is_wanted), at[is_wanted]
+        block = replace(block, topics=np.array(list(wanted.values()), dtype=np.intp)[at])
+        if self._message_zstd:
+            try:
+                block = block.mapped(_unpack_message)
+            except ValueError as error:
+                raise OccError(
+                    f'{storage.path} is damaged: a compressed message cannot be read ({error})'
+                ) from error
+        return block
+
+    def raw(self, block: Block, row: int, topic: str) -> RawMessage:
+        """Return one message of a block.
+
+        Args:
+            block: what :meth:`blocks` yielded.
+            row: the message's number in it.
+            topic: the name of its topic.
+        """
+        msgtype = self.topics[topic].msgtype
+        return RawMessage(topic, msgtype, int(block.times[row]), block.message(row))
 
     def decode(self, raw: RawMessage) -> Any:
         """Return the message object, built by ``rosbags`` from the definition in the bag.
@@ -155,7 +221,7 @@ class Recording:
                 f'{self.path} has topic {raw.topic!r} serialized as {info.serialization!r}; '
                 "allowed is 'cdr'"
             )
-        store = self._stores.get(raw.msgtype) or self._make_store(raw.topic, info)
+        store = self._store(raw.topic)
         try:
             return store.deserialize_cdr(raw.data, raw.msgtype)
         # The generated code fails on wrong bytes in whichever way comes first.
@@ -164,6 +230,17 @@ class Recording:
                 f'{self.path} has a message on {raw.topic!r} at {raw.log_time_ns} ns whose '
                 f'{len(raw.data)} bytes are not a {raw.msgtype}'
             ) from error
+
+    def fields(self, topic: str) -> Mapping[str, Any]:
+        """Return the parsed definitions of a topic's type and its parts, by type name.
+
+        Raises:
+            OccError: the type is unknown, or its definition cannot be read.
+        """
+        try:
+            return find_definitions(*_definition(self.topics[topic]))
+        except UndefinedTypeError as error:
+            raise self._undefined(topic) from error
 
     def fingerprint(self) -> dict[str, Any]:
         """Return ``name``, ``sha256`` over the storage files in order, and ``messages``."""
@@ -184,210 +261,104 @@ class Recording:
         if not path.exists():
             raise OccError(f'there is no recording at {path}')
         if not path.is_dir():
-            if path.suffix not in _SUFFIXES:
+            if not _is_storage(path):
                 raise OccError(
                     f'{path} is not a recording; allowed are rosbag2 directories and files that '
                     f'end in {" or ".join(_SUFFIXES)}'
                 )
             self.files = (path,)
             return {}
-        metadata = _read_metadata(path / 'metadata.yaml')
+        metadata = read_metadata(path / 'metadata.yaml')
         # Before version 4 the listed paths began with the directory's own name.
         names = [PurePosixPath(name).name for name in metadata.get('relative_file_paths') or ()]
         if not names:
-            found = (file for file in path.iterdir() if file.suffix in _SUFFIXES)
+            found = (file for file in path.iterdir() if _is_storage(file))
             names = sorted((file.name for file in found), key=_natural)
             if not names:
                 raise OccError(
                     f'{path} is not a recording: it holds neither a metadata.yaml that lists files '
                     f'nor files that end in {" or ".join(_SUFFIXES)}'
                 )
-        self.files = tuple(path / name for name in names)
+        self.files = tuple(_as_stored(path / name) for name in names)
         missing = [file.name for file in self.files if not file.is_file()]
         if missing:
             raise OccError(f'{path} lacks {", ".join(missing)}, which its metadata.yaml lists')
         return metadata
 
-    def _mcap_topics(self) -> dict[str, TopicInfo]:
+    def _open(self, path: Path) -> StorageFile:
+        file, warning = self._unpacked.open(path)
+        with file.open('rb') as stream:
+            is_sqlite = stream.read(len(SQLITE_MAGIC)) == SQLITE_MAGIC
+        kind = SqliteFile if is_sqlite or '.db3' in path.suffixes else McapFile
+        storage = kind(path, file)
+        self.warnings += tuple(text for text in (warning, storage.warning) if text)
+        return storage
+
+    def _all_topics(self) -> dict[str, TopicInfo]:
         topics: dict[str, TopicInfo] = {}
-        for index in self._indexes:
-            for key, channel in index.channels.items():
-                schema = index.schemas.get(channel.schema_id)
-                info = topics.get(channel.topic)
-                if info is None:
-                    info = TopicInfo(
-                        schema.name if schema else '',
-                        0,
-                        channel.message_encoding,
-                        schema.data.decode('utf-8', 'replace') if schema else '',
-                        schema.encoding if schema else '',
-                        parse_profiles(channel.metadata.get('offered_qos_profiles')),
-                    )
-                elif schema and schema.name != info.msgtype:
-                    raise OccError(
-                        f'{index.path} has topic {channel.topic!r} both as {info.msgtype} and as '
-                        f'{schema.name}; allowed is one type for each topic'
-                    )
-                topics[channel.topic] = replace(info, count=info.count + index.counts[key])
+        for storage in self._storages:
+            for name, stored in storage.topics.values():
+                info = replace(stored, msgtype=_FIRST_NAMES.sub(r'\1/msg/\2', stored.msgtype))
+                known = topics.get(name)
+                topics[name] = info if known is None else self._joined(name, known, info)
         return topics
 
-    def _mcap_messages(self, wanted: set[str]) -> Iterator[RawMessage]:
-        makers = [
-            {
-                key: (channel.topic, self.topics[channel.topic].msgtype)
-                for key, channel in index.channels.items()
-                if channel.topic in wanted
-            }
-            for index in self._indexes
-        ]
-        with ExitStack() as stack:
-            files = [stack.enter_context(index.path.open('rb')) for index in self._indexes]
-            waiting = [
-                (segment.start_ns, number, place, segment)
-                for number, index in enumerate(self._indexes)
-                for place, segment in enumerate(index.segments)
-            ]
-            waiting.sort(reverse=True, key=lambda entry: entry[:3])
-            for time, number, key, data in _merge(waiting, self._indexes, files, makers):
-                topic, msgtype = makers[number][key]
-                yield RawMessage(topic, msgtype, time, data)
+    def _joined(self, topic: str, known: TopicInfo, info: TopicInfo) -> TopicInfo:
+        """Join what two channels or files say of a topic.
 
-    def _rosbags_readers(self, stack: ExitStack) -> list[Reader]:
-        # A directory is opened as such only to be decompressed: the reader of rosbags passes over
-        # all messages of a topic whose QoS differs between metadata.yaml and the storage file.
-        paths = (self.path,) if self._compressed else self.files
-        try:
-            return [stack.enter_context(Reader(path)) for path in paths]
-        # rosbags lets errors of the storage library and of the operating system through.
-        except Exception as error:
-            raise OccError(f'{self.path} cannot be read: {str(error).rstrip(".")}') from error
-
-    def _rosbags_topics(self) -> dict[str, TopicInfo]:
-        formats = {MessageDefinitionFormat.MSG: 'ros2msg', MessageDefinitionFormat.IDL: 'ros2idl'}
-        topics: dict[str, TopicInfo] = {}
-        with ExitStack() as stack:
-            for reader in self._rosbags_readers(stack):
-                for connection in reader.connections:
-                    info = topics.get(connection.topic) or TopicInfo(
-                        connection.msgtype,
-                        0,
-                        connection.ext.serialization_format,
-                        connection.msgdef.data,
-                        formats.get(connection.msgdef.format, ''),
-                    )
-                    topics[connection.topic] = replace(info, count=info.count + connection.msgcount)
-        return topics
-
-    def _rosbags_messages(self, wanted: set[str]) -> Iterator[RawMessage]:
-        with ExitStack() as stack:
-            sources = []
-            for reader in self._rosbags_readers(stack):
-                connections = [item for item in reader.connections if item.topic in wanted]
-                if connections:
-                    sources.append(reader.messages(connections))
-            count = 0
-            try:
-                for connection, time, data in heapq.merge(*sources, key=lambda entry: entry[1]):
-                    count += 1
-                    yield RawMessage(connection.topic, connection.msgtype, time, bytes(data))
-            except ReaderError as error:
-                raise OccError(f'{self.path} is damaged: {error}') from error
-        promised = sum(self.topics[topic].count for topic in wanted)
-        if count != promised:
-            raise OccError(f'{self.path} is damaged: it has {count} messages instead of {promised}')
-
-    def _make_store(self, topic: str, info: TopicInfo) -> Any:
-        """Return a typestore that knows the topic's type.
-
-        Each type of a bag gets a store of its own: bags join topics whose definitions of a shared
-        part differ, and a common store would refuse the second.
+        Raises:
+            OccError: they contradict each other.
         """
-        try:
-            types = _parse_definition(info)
-            if types:
-                store = get_typestore(Stores.EMPTY)
-                store.register(types)
-            else:
-                store = _jazzy()
-            store.get_msgdef(info.msgtype)
-        # The generated code of a definition that lacks a part fails on a plain lookup.
-        except (TypesysError, KeyError, ValueError, SyntaxError) as error:
-            raise OccError(
-                f'{self.path} has topic {topic!r} of type {info.msgtype!r}, whose definition is '
-                'neither complete in the bag nor part of ROS 2 Jazzy'
-            ) from error
-        self._stores[info.msgtype] = store
-        return store
+        pairs = [
+            ('types', known.msgtype, info.msgtype),
+            ('serializations', known.serialization, info.serialization),
+        ]
+        if known.definition and info.definition and known.definition != info.definition:
+            # Definitions that differ in comments are the same.
+            pairs.append(('definitions', *(_parsed_or_text(item) for item in (known, info))))
+        for what, first, second in pairs:
+            if first != second:
+                found = '' if what == 'definitions' else f', {first!r} and {second!r}'
+                raise OccError(
+                    f'{self.path} has topic {topic!r} with two {what}{found}; '
+                    'allowed is one for each topic'
+                )
+        told = known if known.definition else info
+        return replace(
+            told,
+            count=known.count + info.count,
+            offered_qos=known.offered_qos or info.offered_qos,
+        )
+
+    def _store(self, topic: str) -> Any:
+        if topic not in self._stores:
+            try:
+                self._stores[topic] = find_typestore(*_definition(self.topics[topic]))
+            except UndefinedTypeError as error:
+                raise self._undefined(topic) from error
+        return self._stores[topic]
+
+    def _undefined(self, topic: str) -> OccError:
+        return OccError(
+            f'{self.path} has topic {topic!r} of type {self.topics[topic].msgtype!r}, whose '
+            'definition is neither complete in the bag nor part of ROS 2 Jazzy'
+        )
 
 
-def _merge(waiting: list, indexes: tuple, files: list, makers: list) -> Iterator[tuple]:
-    """Yield ``(time, file number, channel, data)`` in order from segments sorted latest first."""
-    heap: list[tuple] = []
-    while waiting or heap:
-        while waiting and (not heap or waiting[-1][0] <= heap[0][0]):
-            _, number, place, segment = waiting.pop()
-            channels = makers[number]
-            messages = iter(
-                [
-                    message
-                    for message in load_segment(indexes[number], files[number], segment)
-                    if message[1] in channels
-                ]
-            )
-            first = next(messages, None)
-            if first is not None:
-                heapq.heappush(heap, (first[0], number, place, first, messages))
-        if not heap:
-            continue
-        _, number, place, (time, key, data), messages = heap[0]
-        yield time, number, key, data
-        following = next(messages, None)
-        if following is None:
-            heapq.heappop(heap)
-        else:
-            heapq.heapreplace(heap, (following[0], number, place, following, messages))
+def _unpack_message(data: bytes) -> bytes:
+    return unpack_zstd(data, MAX_PIECE_BYTES)
 
 
-def _with_metadata(topics: dict[str, TopicInfo], metadata: dict[str, Any]) -> dict[str, TopicInfo]:
-    """Complete topics with the QoS and the serialization that only metadata.yaml may tell."""
-    result = dict(topics)
-    for entry in metadata.get('topics_with_message_count') or ():
-        told = entry.get('topic_metadata') or {}
-        info = result.get(told.get('name'))
-        if info is None:
-            continue
-        qos = info.offered_qos or parse_profiles(told.get('offered_qos_profiles'))
-        serialization = told.get('serialization_format') or info.serialization
-        result[told['name']] = replace(info, offered_qos=qos, serialization=serialization)
-    return result
+def _is_storage(file: Path) -> bool:
+    suffixes = [suffix for suffix in file.suffixes if suffix not in ZSTD_SUFFIXES]
+    return file.is_file() and suffixes[-1:] in [[suffix] for suffix in _SUFFIXES]
 
 
-def _read_metadata(path: Path) -> dict[str, Any]:
-    if not path.exists():
-        return {}
-    try:
-        metadata = YAML(typ='safe', pure=True).load(path.read_text(encoding='utf-8'))
-        metadata = metadata['rosbag2_bagfile_information']
-        if not isinstance(metadata, dict):
-            raise TypeError('not a mapping')
-    except (OSError, YAMLError, KeyError, TypeError, ValueError) as error:
-        raise OccError(f'{path} is not the metadata of a rosbag2 recording') from error
-    version = metadata.get('version')
-    if not isinstance(version, int) or version > 9:
-        raise OccError(f'{path} has version {version!r}; allowed are 1 to 9')
-    return metadata
-
-
-def _parse_definition(info: TopicInfo) -> dict[str, Any]:
-    if not info.definition.strip():
-        return {}
-    if info.definition_format == 'ros2msg':
-        return get_types_from_msg(info.definition, info.msgtype)
-    types: dict[str, Any] = {}
-    for part in re.split(r'^={80}\n(?:IDL: .*\n)?', info.definition, flags=re.MULTILINE):
-        if part.strip():
-            types.update(get_types_from_idl(part))
-    return types
+def _bare_name(file: Path) -> str:
+    name = file.name
+    for suffix in (*ZSTD_SUFFIXES, *_SUFFIXES):
+        name = name.removesuffix(suffix)
+    return name
 
 
 def _natural(name: str) -> list[Any]:
@@ -395,6 +366,19 @@ def _natural(name: str) -> list[Any]:
     return [int(part) if part.isdigit() else part for part in re.split(r'(\d+)', name)]
 
 
-@cache
-def _jazzy() -> Any:
-    return get_typestore(Stores.ROS2_JAZZY)
+def _as_stored(file: Path) -> Path:
+    """Return a listed file under the name it has: some are compressed or unpacked later on."""
+    others = [file.with_name(file.name + suffix) for suffix in ZSTD_SUFFIXES]
+    others += [file.with_suffix('')] if file.suffix in ZSTD_SUFFIXES else []
+    return next((other for other in (file, *others) if other.is_file()), file)
+
+
+def _definition(info: TopicInfo) -> tuple[str, str, str]:
+    return info.definition, info.definition_format, info.msgtype
+
+
+def _parsed_or_text(info: TopicInfo) -> Any:
+    try:
+        return find_definitions(*_definition(info))
+    except UndefinedTypeError:
+        return info.definition

@@ -119,6 +119,7 @@ def read_tables(
         stamps_ns=np.concatenate([np.arange(count, dtype=np.int64) for count in counts]),
         episodes=np.concatenate(episodes),
         true_cost=np.concatenate(costs) if any(c.cost is not None for c in contents) else None,
+        recordings=np.repeat(np.arange(len(counts)), counts),
         sources=tuple(
             {'name': Path(path).name, 'sha256': _sha256(Path(path)), 'rows': count}
             for path, count in zip(paths, counts, strict=True)

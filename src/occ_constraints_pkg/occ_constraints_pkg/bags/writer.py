@@ -6,99 +6,91 @@ from __future__ import annotations
 
 import os
 import time
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import reduce
 from pathlib import Path
 from typing import Any
 
-from mcap.data_stream import RecordBuilder
-from mcap.records import DataEnd, Footer
-from mcap.writer import CompressionType, Writer
-
 from occ_constraints_pkg.bags.definitions import find_definition
-from occ_constraints_pkg.bags.mcap_file import MAGIC
+from occ_constraints_pkg.bags.mcap_writer import COMPRESSIONS, McapOutput, Span
 from occ_constraints_pkg.documents import dump_yaml
 from occ_constraints_pkg.errors import OccError
 
-_COMPRESSIONS = {
-    'zstd': CompressionType.ZSTD,
-    'lz4': CompressionType.LZ4,
-    'none': CompressionType.NONE,
-}
-_CHUNK_BYTES = 256 * 1024
 _FLUSH_SECONDS = 0.5
 _METADATA_SECONDS = 5.0
-# What rosbag2 writes as the start of a bag without messages.
-_NEVER_NS = 2**63 - 1
 
 
-@dataclass
+@dataclass(frozen=True)
 class _Topic:
-    channel: int
+    """A topic as its first message showed it."""
+
     msgtype: str
     qos: list[dict[str, Any]]
+    definition: str
     type_hash: str
 
 
 class BagWriter:
     """Writes serialized messages into a new rosbag2 directory (MCAP, metadata version 9).
 
-    The directory holds ``<directory name>_0.mcap`` and ``metadata.yaml``. What has reached the
-    operating system survives a SIGKILL of this process: everything up to the last :meth:`flush`,
-    and every full chunk of 256 KiB. :meth:`write` flushes by itself when the last flush is 0.5 s
-    past, and after the first message of a topic; so at most the messages of the last 0.5 s are
-    lost, or, when messages stop coming, those of the 0.5 s before the pause: a recorder that wants
-    these safe too calls :meth:`flush` from a timer. A power failure may cost more, since nothing
-    is synced to the disk. ``metadata.yaml`` is there from the start and is renewed with each new
-    topic and every 5 s; in a killed recording its message counts lag behind.
+    The directory holds ``<directory name>_0.mcap``, further files numbered on where the recording
+    is split, and ``metadata.yaml``. What has reached the operating system survives a SIGKILL of
+    this process: everything up to the last :meth:`flush`, and every full chunk of 256 KiB.
+    :meth:`write` flushes by itself when the last flush is 0.5 s past, and after the first message
+    of a topic; so at most the messages of the last 0.5 s are lost, or, when messages stop coming,
+    those of the 0.5 s before the pause: a recorder that wants these safe too calls :meth:`flush`
+    from a timer. A power failure may cost more, since nothing is synced to the disk.
+    ``metadata.yaml`` is there from the start and is renewed with each new topic or file and every
+    5 s; in a killed recording its message counts lag behind.
 
-    When the disk is full, or the file cannot be written for another reason, the file is cut back
+    When the disk is full, or a file cannot be written for another reason, the file is cut back
     to its last complete record and given an ending, so that what was recorded opens everywhere.
 
     Use it as a context manager, or call :meth:`close`.
 
     Args:
         directory: where to write; it must not exist, its parents may.
-        compression: ``zstd``, ``lz4`` or ``none``, of the chunks within the file.
+        compression: ``zstd``, ``lz4`` or ``none``, of the chunks within a file.
+        max_file_bytes: a file that has grown to this size is followed by another; 0: never. As
+            messages reach the file chunk by chunk, it may be larger by one chunk.
+        max_file_seconds: the same for the time from a file's first message on, by log time.
 
     Raises:
         OccError: the directory exists or cannot be made, or the compression is unknown.
     """
 
-    def __init__(self, directory: str | Path, *, compression: str = 'zstd') -> None:
-        if compression not in _COMPRESSIONS:
+    def __init__(
+        self,
+        directory: str | Path,
+        *,
+        compression: str = 'zstd',
+        max_file_bytes: int = 0,
+        max_file_seconds: float = 0.0,
+    ) -> None:
+        if compression not in COMPRESSIONS:
             raise OccError(
                 f'a recording got the compression {compression!r}; '
-                f'allowed are {", ".join(_COMPRESSIONS)}'
+                f'allowed are {", ".join(COMPRESSIONS)}'
             )
         self.directory = Path(directory)
-        self.path = self.directory / f'{self.directory.resolve().name}_0.mcap'
+        self._compression = compression
+        self._max_bytes, self._max_ns = max_file_bytes, round(max_file_seconds * 1e9)
+        self._topics: dict[str, _Topic] = {}
+        self._files: list[McapOutput] = []
+        self._flushed = self._described = -float('inf')
+        self._closed = False
         try:
             self.directory.mkdir(parents=True)
-            self._sink = _Sink(self.path)
         except FileExistsError as error:
             raise OccError(
                 f'{directory} exists already; allowed is a new directory for each recording'
             ) from error
         except OSError as error:
             raise OccError(f'cannot record to {directory}: {error.strerror}') from error
-        self._topics: dict[str, _Topic] = {}
-        self._schemas: dict[str, int] = {}
-        self._counts: Counter[str] = Counter()
-        self._times = (_NEVER_NS, 0)
-        # Length, counts and times of the part of the file that is complete; see _fail.
-        self._safe = (0, self._counts, self._times)
-        self._flushed = self._described = -float('inf')
-        self._closed = False
-        self._writer = Writer(
-            self._sink, chunk_size=_CHUNK_BYTES, compression=_COMPRESSIONS[compression]
-        )
         try:
-            self._writer.start(profile='ros2', library='occ_constraints')
-            self._note_progress()
-            self._write_metadata()
+            self._begin_file()
         except OSError as error:
             self._fail(error)
 
@@ -109,9 +101,14 @@ class BagWriter:
         self.close()
 
     @property
+    def paths(self) -> tuple[Path, ...]:
+        """The files so far."""
+        return tuple(file.path for file in self._files)
+
+    @property
     def message_count(self) -> int:
         """Number of messages written."""
-        return self._counts.total()
+        return sum(file.span.count for file in self._files)
 
     def write(
         self,
@@ -154,11 +151,13 @@ class BagWriter:
                 'allowed is one type for each topic'
             )
         try:
-            entry = known or self._add_topic(topic, msgtype, qos or ())
-            self._writer.add_message(entry.channel, log_time_ns, data, publish)
-            self._counts[topic] += 1
-            self._times = min(self._times[0], log_time_ns), max(self._times[1], log_time_ns)
-            self._note_progress()
+            if self._is_full(log_time_ns):
+                self._files[-1].finish(self._information(self._files[-1:]))
+                self._begin_file()
+            file = self._files[-1]
+            if not file.has_channel(topic):
+                self._add_channel(file, topic, known or self._add_topic(topic, msgtype, qos or ()))
+            file.add(topic, data, log_time_ns, publish)
             if known is None or time.monotonic() - self._flushed >= _FLUSH_SECONDS:
                 self._flush(describe=known is None)
         except OSError as error:
@@ -186,86 +185,69 @@ class BagWriter:
         if self._closed:
             return
         try:
-            self._writer.flush()
-            self._note_progress()
-            # rosbag2 looks here for what metadata.yaml says when it opens the bare file.
-            self._writer.add_metadata(
-                'rosbag2', {'serialized_metadata': dump_yaml(self._information())}
-            )
-            self._writer.finish()
+            self._files[-1].finish(self._information(self._files[-1:]))
             self._write_metadata()
         except OSError as error:
             self._fail(error)
         self._closed = True
-        self._sink.close()
+
+    def _is_full(self, log_time_ns: int) -> bool:
+        file = self._files[-1]
+        if not file.span.count:
+            return False
+        too_large = 0 < self._max_bytes <= file.size
+        return too_large or 0 < self._max_ns <= log_time_ns - file.span.start_ns
+
+    def _begin_file(self) -> None:
+        name = f'{self.directory.resolve().name}_{len(self._files)}.mcap'
+        self._files.append(McapOutput(self.directory / name, self._compression))
+        self._files[-1].start()
+        self._write_metadata()
 
     def _add_topic(self, topic: str, msgtype: str, qos: Sequence[Mapping[str, Any]]) -> _Topic:
         text, type_hash = find_definition(msgtype)
-        schema = self._schemas.get(msgtype)
-        if schema is None:
-            encoding = 'ros2msg' if text else ''
-            schema = self._writer.register_schema(msgtype, encoding, text.encode())
-            self._schemas[msgtype] = schema
-        profiles = [dict(profile) for profile in qos]
-        channel = self._writer.register_channel(
-            topic,
-            'cdr',
-            schema,
-            {
-                'offered_qos_profiles': dump_yaml(profiles) if profiles else '',
-                'topic_type_hash': type_hash,
-            },
-        )
-        self._topics[topic] = _Topic(channel, msgtype, profiles, type_hash)
+        self._topics[topic] = _Topic(msgtype, [dict(profile) for profile in qos], text, type_hash)
         return self._topics[topic]
 
+    @staticmethod
+    def _add_channel(file: McapOutput, name: str, topic: _Topic) -> None:
+        # The same in every file and in metadata.yaml: rosbags passes over a topic of which they
+        # tell different things.
+        metadata = {
+            'offered_qos_profiles': dump_yaml(topic.qos) if topic.qos else '',
+            'topic_type_hash': topic.type_hash,
+        }
+        file.add_channel(name, topic.msgtype, topic.definition, metadata)
+
     def _flush(self, *, describe: bool = False) -> None:
-        self._writer.flush()
-        self._note_progress()
+        self._files[-1].flush()
         self._flushed = time.monotonic()
         if describe or self._flushed - self._described >= _METADATA_SECONDS:
             self._write_metadata()
 
-    def _note_progress(self) -> None:
-        # The sink holds nothing back, so whenever it has grown and no error was raised, its file
-        # ends with a complete record, and the writer has no message left in memory.
-        if self._sink.position != self._safe[0]:
-            self._safe = self._sink.position, self._counts.copy(), self._times
-
     def _fail(self, error: OSError) -> None:
-        """Give the file an ending after its last complete record, close it, and raise."""
+        """End the file after its last complete record, close everything, and raise."""
         self._closed = True
-        size, self._counts, self._times = self._safe
-        builder = RecordBuilder()
-        DataEnd(0).write(builder)
-        Footer(summary_start=0, summary_offset_start=0, summary_crc=0).write(builder)
-        # Fifty bytes nearly always fit in the disk block that cutting has freed; where they do
-        # not, the file is one that a killed recorder might have left.
+        last = self._files[-1] if self._files else None
+        if last is not None:
+            last.end_early()
         with suppress(OSError):
-            self._sink.cut(size)
-            self._sink.write(builder.end() + MAGIC)
-        with suppress(OSError):
-            self._sink.close()
-        with suppress(OSError):
+            if last is not None and not last.span.count and len(self._files) > 1:
+                last.path.unlink()
+                self._files.pop()
             self._write_metadata()
         raise OccError(
             f'recording to {self.directory} ended: {error.strerror}; '
-            f'the {self._counts.total()} messages before that are kept'
+            f'the {self.message_count} messages before that are kept'
         ) from error
 
-    def _information(self) -> dict[str, Any]:
-        """Return ``rosbag2_bagfile_information`` as rosbag2 writes it in version 9."""
-        start, end = self._times
-        count = self._counts.total()
-        span = {
-            'duration': {'nanoseconds': end - start if count else 0},
-            'starting_time': {'nanoseconds_since_epoch': start},
-            'message_count': count,
-        }
+    def _information(self, files: Sequence[McapOutput]) -> dict[str, Any]:
+        """Return ``rosbag2_bagfile_information`` of files as rosbag2 writes it in version 9."""
+        names = [file.path.name for file in files]
         return {
             'version': 9,
             'storage_identifier': 'mcap',
-            **span,
+            **_span_entry(reduce(Span.joined, (file.span for file in files), Span())),
             'topics_with_message_count': [
                 {
                     'topic_metadata': {
@@ -275,57 +257,48 @@ class BagWriter:
                         'offered_qos_profiles': topic.qos,
                         'type_description_hash': topic.type_hash,
                     },
-                    'message_count': self._counts[name],
+                    'message_count': sum(file.counts[name] for file in files),
                 }
                 for name, topic in self._topics.items()
             ],
             'compression_format': '',
             'compression_mode': '',
-            'relative_file_paths': [self.path.name],
-            'files': [{'path': self.path.name, **span}],
+            'relative_file_paths': names,
+            'files': [{'path': file.path.name, **_span_entry(file.span)} for file in files],
             'custom_data': None,
             'ros_distro': 'jazzy',
         }
 
     def _write_metadata(self) -> None:
-        target = self.directory / 'metadata.yaml'
-        fresh = self.directory / 'metadata.yaml.new'
-        text = dump_yaml({'rosbag2_bagfile_information': self._information()})
+        text = dump_yaml({'rosbag2_bagfile_information': self._information(self._files)})
+        target, fresh = self.directory / 'metadata.yaml', self.directory / 'metadata.yaml.new'
         try:
             fresh.write_text(text, encoding='utf-8')
             fresh.replace(target)
         except OSError:
             with suppress(OSError):
                 fresh.unlink()
-            raise
+            if not self._closed or not _overwrite(target, text.encode()):
+                raise
         self._described = time.monotonic()
 
 
-class _Sink:
-    """A file for the MCAP writer that keeps no bytes back in this process."""
+def _overwrite(path: Path, data: bytes) -> bool:
+    """Write into the blocks that a file has already, which a full disk allows, if they suffice."""
+    if not path.exists() or len(data) > path.stat().st_blocks * 512:
+        return False
+    descriptor = os.open(path, os.O_WRONLY)
+    try:
+        os.pwrite(descriptor, data, 0)
+        os.ftruncate(descriptor, len(data))
+    finally:
+        os.close(descriptor)
+    return True
 
-    def __init__(self, path: Path) -> None:
-        self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
-        self.position = 0
 
-    def write(self, data: bytes) -> int:
-        rest = memoryview(data)
-        while rest:
-            written = os.write(self._descriptor, rest)
-            self.position += written
-            rest = rest[written:]
-        return len(data)
-
-    def tell(self) -> int:
-        return self.position
-
-    def flush(self) -> None:
-        """Do nothing: all has been written."""
-
-    def cut(self, size: int) -> None:
-        os.ftruncate(self._descriptor, size)
-        os.lseek(self._descriptor, size, os.SEEK_SET)
-        self.position = size
-
-    def close(self) -> None:
-        os.close(self._descriptor)
+def _span_entry(span: Span) -> dict[str, Any]:
+    return {
+        'duration': {'nanoseconds': span.end_ns - span.start_ns if span.count else 0},
+        'starting_time': {'nanoseconds_since_epoch': span.start_ns},
+        'message_count': span.count,
+    }

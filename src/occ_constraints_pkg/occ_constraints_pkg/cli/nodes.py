@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import click
@@ -26,10 +27,43 @@ def node(name: str, arguments: tuple[str, ...]) -> int:
     return run(name, ['--ros-args', *arguments])
 
 
+_CHOICE = (
+    click.option('-e', '--regex', default='', help='Topics with this pattern in their name too.'),
+    click.option(
+        '--exclude-topic', 'exclude_topics', multiple=True, help='Not this; may be repeated.'
+    ),
+    click.option('--exclude-regex', default='', help='Nor topics with this pattern in their name.'),
+)
+
+
+def _choice_of_topics(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options that recorder and player share."""
+    for option in reversed(_CHOICE):
+        command = option(command)
+    return command
+
+
 @click.command()
 @click.argument('topics', nargs=-1)
 @click.option('-o', '--output', required=True, type=click.Path(), help='Directory of the new bag.')
-def record(topics: tuple[str, ...], output: str) -> int:
+@_choice_of_topics
+@click.option('--compression', default='zstd', show_default=True, help='zstd, lz4 or none.')
+@click.option(
+    '-b',
+    '--max-bag-size',
+    default=0,
+    show_default=True,
+    help='Bytes after which a new file is begun; 0: never.',
+)
+@click.option(
+    '-d',
+    '--max-bag-duration',
+    default=0.0,
+    show_default=True,
+    help='Seconds after which a new file is begun; 0: never.',
+)
+@click.option('--use-sim-time', is_flag=True, help='Stamp messages with the time of /clock.')
+def record(**options: Any) -> int:
     """Record topics (default: all) to a bag until Ctrl-C.
 
     \b
@@ -37,29 +71,48 @@ def record(topics: tuple[str, ...], output: str) -> int:
     """
     from occ_constraints_pkg.nodes import run
 
-    return run('recorder', _parameters(output=output, topics=list(topics)))
+    return run('recorder', _parameters(options))
 
 
 @click.command()
 @click.argument('bag', type=click.Path())
-@click.option('--rate', default=1.0, show_default=True, help='Speed, 1.0: as recorded.')
-@click.option('--loop', is_flag=True, help='Start again at the end.')
 @click.option('--topic', 'topics', multiple=True, help='Play only this topic; may be repeated.')
-def play(bag: str, rate: float, loop: bool, topics: tuple[str, ...]) -> int:
+@_choice_of_topics
+@click.option('-r', '--rate', default=1.0, show_default=True, help='Speed, 1.0: as recorded.')
+@click.option('-l', '--loop', is_flag=True, help='Start again at the end.')
+@click.option(
+    '--start-offset', default=0.0, show_default=True, help='Seconds of the recording to leave out.'
+)
+@click.option(
+    '--clock',
+    type=float,
+    is_flag=False,
+    flag_value=40.0,
+    default=0.0,
+    help='Publish /clock as many times per second; without a number 40 times.',
+)
+@click.option('-p', '--start-paused', is_flag=True, help='Wait for the service ~/resume.')
+@click.option(
+    '--wait-for-subscribers',
+    default=0,
+    show_default=True,
+    help='Subscriptions over all topics before the start.',
+)
+def play(**options: Any) -> int:
     """Publish the messages of a recording.
 
     \b
-    Example: occ play bags/drive_7 --rate 2
+    Example: occ play bags/drive_7 --rate 2 --clock
     """
     from occ_constraints_pkg.nodes import run
 
-    return run('player', _parameters(bag=bag, rate=rate, loop=loop, topics=list(topics)))
+    return run('player', _parameters(options))
 
 
-def _parameters(**values: Any) -> list[str]:
+def _parameters(values: Mapping[str, Any]) -> list[str]:
     """Return node parameters as ROS arguments; empty ones are left to their defaults."""
     arguments = ['--ros-args']
     for name, value in values.items():
-        if value not in ('', []):
+        if value not in ('', ()):
             arguments += ['-p', f'{name}:={json.dumps(value)}']
     return arguments

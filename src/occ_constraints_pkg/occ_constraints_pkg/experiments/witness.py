@@ -24,9 +24,12 @@ from occ_constraints_pkg.bags.table import Table
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.learning.scoring import score_flags
 from occ_constraints_pkg.ros.messages import to_nanoseconds
-from occ_constraints_pkg.ros.qos import STEPS
+from occ_constraints_pkg.ros.qos import SETTLED_LOOKS, STEPS
 
 _LOOK_SECONDS = 0.05
+# A client knows a service before the service knows the client, and an answer sent within that
+# moment is dropped. No call tells when it is over; so a request without an answer is repeated.
+_ANSWER_SECONDS = 3.0
 
 
 @dataclass
@@ -112,15 +115,31 @@ class Witness:
         Raises:
             OccError: it does not within ``seconds``.
         """
+        self.spin(seconds, condition)
+        if not condition():
+            raise OccError(f'nothing came of waiting {seconds:g} s for the nodes')
+
+    def spin(self, seconds: float, condition: Callable[[], bool] = lambda: False) -> None:
+        """Listen for a while, or until ``condition`` holds if that is sooner."""
         end = time.monotonic() + seconds
         never: Future = Future()
-        while not condition():
-            if time.monotonic() > end:
-                raise OccError(f'nothing came of waiting {seconds:g} s for the nodes')
+        while not condition() and time.monotonic() < end:
             self._executor.spin_until_future_complete(never, _LOOK_SECONDS)
+
+    def spin_until_done(self, future: Future, seconds: float) -> None:
+        """Listen until a future has its result, without the delay of looking for it.
+
+        Raises:
+            OccError: it does not have it within ``seconds``.
+        """
+        self._executor.spin_until_future_complete(future, seconds)
+        if not future.done():
+            raise OccError(f'no answer came within {seconds:g} s')
 
     def call(self, kind: type, service: str, seconds: float = 30.0, **fields: Any) -> Any:
         """Call a service and return its answer.
+
+        A request whose answer does not come soon is repeated, so the service may act twice.
 
         Args:
             kind: type of the service, for example ``std_srvs.srv.Trigger``.
@@ -133,9 +152,16 @@ class Witness:
         """
         client = self.node.create_client(kind, service)
         self.spin_until(client.service_is_ready, seconds)
-        future = client.call_async(kind.Request(**fields))
-        self.spin_until(future.done, seconds)
-        return future.result()
+        self.spin(SETTLED_LOOKS * _LOOK_SECONDS)
+        end = time.monotonic() + seconds
+        futures: list[Future] = []
+        while time.monotonic() < end:
+            futures.append(client.call_async(kind.Request(**fields)))
+            self.spin(_ANSWER_SECONDS, lambda: any(future.done() for future in futures))
+            for future in futures:
+                if future.done():
+                    return future.result()
+        raise OccError(f'service {service!r} gave no answer within {seconds:g} s')
 
     def wait_for_monitor(self, subscribers: int, seconds: float = 30.0) -> None:
         """Wait until a monitor knows as many subscribers of its costs and violations.

@@ -4,35 +4,35 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Float64, String
 from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import MarkerArray
 
-from occ_constraints_pkg.bags.extract import FeatureExtractor, FeatureRows, header_stamp_ns
+from occ_constraints_pkg.bags.extract import FeatureExtractor, FeatureRows
 from occ_constraints_pkg.bags.feature_map import map_of
-from occ_constraints_pkg.bags.table import Table
+from occ_constraints_pkg.bags.fields import header_stamp_ns
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.learning.pruning import prune
+from occ_constraints_pkg.ros.arrival import ArrivalClock
 from occ_constraints_pkg.ros.diagnostics import report_message, unknown_message, violation_message
 from occ_constraints_pkg.ros.mapped_topics import MappedTopics
 from occ_constraints_pkg.ros.markers import verdict_marker
 from occ_constraints_pkg.ros.messages import table_message
 from occ_constraints_pkg.ros.process import OccNode, run_node
 from occ_constraints_pkg.ros.qos import LATCHED, VERDICTS, overridable
-from occ_constraints_pkg.ros.tables import RULE_COLUMNS, costs_table
-from occ_constraints_pkg.rules import Judgement, RuleCounts
+from occ_constraints_pkg.ros.tables import costs_table, rule_stats_table
+from occ_constraints_pkg.rules import Judgement
 from occ_constraints_pkg.rules.constraints_file import (
     Constraints,
     load_constraints,
     parse_constraints,
 )
+from occ_constraints_pkg.rules.kept_counts import KeptCounts
 
 _REPORT_SECONDS = 1.0
 _DISABLED = 'the monitor is disabled'
@@ -63,19 +63,20 @@ class Monitor(OccNode):
         self._pruned_file = self.parameter(
             'pruned_file', '', 'where ~/prune writes the constraints file; none: nowhere'
         )
+        self._counts_file = self.parameter('counts_file', '', 'where counters outlive a restart')
         self._enabled = self.parameter('enabled', True, 'judge from the start; see ~/enable')
 
         self._constraints: Constraints | None = None
         self._received: str | None = None
-        self._counts: RuleCounts | None = None
+        self._counts: KeptCounts | None = None
         self._extractor: FeatureExtractor | None = None
         self._topics: MappedTopics | None = None
         self._answer: _Answer | None = None
         # Why nothing is judged; empty while the newest input is.
         self._problem = 'no rule set yet'
         self._stamp_ns = 0
-        self._heard = self.steady_seconds()
-        self._is_stale = False
+        self._arrival = ArrivalClock(self, self._timeout)
+        self._heard, self._is_stale = self.steady_seconds(), False
 
         self._cost = self._publisher(Float64, 'cost')
         self._costs = self._publisher(PointCloud2, 'costs')
@@ -120,17 +121,17 @@ class Monitor(OccNode):
                 self._topics.close()
             self._topics, self._extractor = topics, FeatureExtractor(feature_map)
             self._heard = self.steady_seconds()
-        self._constraints, self._counts = constraints, RuleCounts(rule_set)
+        self._constraints, self._counts = constraints, KeptCounts(rule_set, self._counts_file)
         self._answer, self._problem = None, 'no input since the rules came'
         self.get_logger().info(
             f'{len(rule_set.order)} enabled rules from {where}, rule set {rule_set.fingerprint}'
+            + (f'; counters go on from {self._counts_file}' if self._counts.resumed else '')
         )
         if not len(rule_set.order):
             self.get_logger().warning(f'{where} enables no rule, so nothing will be a violation')
 
     def _on_input(self, topic: str, message: Any) -> None:
-        # Wall time, for the ROS clock may stand still, and ages with it.
-        now = time.time_ns()
+        now = self._arrival.now_ns()
         try:
             rows = self._extractor.push(topic, message, now)
             if rows is not None and not len(rows.values):
@@ -143,20 +144,21 @@ class Monitor(OccNode):
             return
         if rows is None:
             return
-        answer = self._answer
-        if rows.repeat and answer is not None:
+        if rows.repeat and self._answer is not None:
             # Nothing new: in lock-step somebody may wait for the answer, but a sensor that only
             # repeats itself must not pass for a live one.
-            self._costs.publish(table_message(costs_table(answer.judgement), rows.stamp_ns))
+            self._costs.publish(table_message(costs_table(self._answer.judgement), rows.stamp_ns))
             if not self._is_stale:
-                self._publish_verdict(answer)
+                self._publish_verdict(self._answer)
             return
         self._heard, self._is_stale = self.steady_seconds(), False
-        if not self._enabled:
-            self._say_unknown(_DISABLED, rows.stamp_ns)
+        problem = self._arrival.problem() if self._enabled else _DISABLED
+        if problem:
+            self._answer = None
+            self._say_unknown(problem, rows.stamp_ns)
             return
         judgement = self._constraints.rule_set.judge(rows.values)
-        self._counts.add(judgement)
+        self._counts.add_stamped(judgement, rows.stamp_ns)
         self._answer = answer = _Answer(rows, judgement)
         self._costs.publish(table_message(costs_table(judgement), rows.stamp_ns))
         self._publish_verdict(answer)
@@ -188,7 +190,13 @@ class Monitor(OccNode):
         self._cost.publish(Float64(data=1.0))
         self._violation.publish(unknown_message(reason, stamp_ns))
 
+    def close(self) -> None:
+        """Keep the counters."""
+        if self._counts is not None:
+            self._counts.keep()
+
     def _report(self) -> None:
+        self.close()
         if self._is_stale:
             # Again, for whoever has come since.
             self._say_stale()
@@ -200,10 +208,8 @@ class Monitor(OccNode):
         }
         if self._constraints is not None:
             values['rule_set'] = self._constraints.rule_set.fingerprint
-            counts = np.stack([self._counts.evaluated, self._counts.violated], axis=1)
-            if len(counts):
-                table = Table(RULE_COLUMNS, counts.astype(np.float64))
-                self._rule_stats.publish(table_message(table, now))
+            if self._constraints.rule_set.rules:
+                self._rule_stats.publish(table_message(rule_stats_table(self._counts), now))
         name = f'{self.get_fully_qualified_name().lstrip("/")}: judging'
         judgement = None if self._problem else self._answer.judgement
         self._diagnostics.publish(report_message(name, judgement, self._problem, values, now))
@@ -214,17 +220,12 @@ class Monitor(OccNode):
                 raise OccError('there is no rule set yet')
             result = prune(self._constraints.rule_set.with_counts(self._counts), self._threshold)
             pruned = self._constraints.with_rule_set(result.rule_set)
+            response.success, response.message = True, result.words
             if self._pruned_file:
                 pruned.save(self._pruned_file)
-            kept = len(result.rule_set.order)
-            self._constraints, self._counts = pruned, RuleCounts(result.rule_set)
+                response.message += f'; written to {self._pruned_file}'
+            self._constraints, self._counts = pruned, KeptCounts(result.rule_set, self._counts_file)
             self._answer, self._problem = None, 'no input since the rules were pruned'
-            response.success = True
-            response.message = (
-                f'pruned {len(result.pruned)} rules, kept {kept}'
-                + (f', {len(result.untried)} of them never tried' if result.untried else '')
-                + (f'; written to {self._pruned_file}' if self._pruned_file else '')
-            )
         except OccError as error:
             response.success, response.message = False, str(error)
         return response

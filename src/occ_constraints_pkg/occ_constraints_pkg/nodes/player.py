@@ -4,21 +4,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from itertools import islice
+from typing import Any
 
 from rclpy.publisher import Publisher
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+from std_srvs.srv import Trigger
 
-from occ_constraints_pkg.bags.recording import RawMessage, Recording, TopicInfo
+from occ_constraints_pkg.bags.playback import Playback, is_latched
+from occ_constraints_pkg.bags.recording import Recording
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.ros.messages import message_class
+from occ_constraints_pkg.ros.bag_topics import profile_to_play, topic_filter
+from occ_constraints_pkg.ros.messages import message_class, to_time
 from occ_constraints_pkg.ros.process import OccNode, run_node
 from occ_constraints_pkg.ros.qos import SETTLED_LOOKS
 
 _LOOK_SECONDS = 0.05
-_DEPTH = 1000
+_PLAY_SECONDS = 0.001
 # Messages published in one go when the player is behind, before other callbacks get a turn.
 _BURST = 100
+_CLOCK = '/clock'
 
 
 class Player(OccNode):
@@ -27,61 +32,61 @@ class Player(OccNode):
     def __init__(self) -> None:
         super().__init__('player')
         bag = self.parameter('bag', '', 'rosbag2 directory or .mcap file')
-        topics = self.parameter('topics', [], 'topics to play; none: all')
-        self._rate = self.parameter('rate', 1.0, 'speed, 1.0: as recorded', low=0.001)
-        self._loop = self.parameter('loop', False, 'start again at the end')
+        chosen = topic_filter(self, 'play')
+        rate = self.parameter('rate', 1.0, 'speed, 1.0: as recorded', low=0.001)
+        loop = self.parameter('loop', False, 'start again at the end')
+        offset = self.parameter(
+            'start_offset', 0.0, 'seconds of the recording to leave out', low=0.0
+        )
+        self._clock_rate = self.parameter(
+            'clock', 0.0, 'messages per second on /clock; 0: none', low=0.0, high=1000.0
+        )
+        self._starts_paused = self.parameter('start_paused', False, 'wait for ~/resume')
         self._wanted = self.parameter(
             'wait_for_subscribers', 0, 'subscriptions over all topics before the start', low=0
         )
         if not bag:
             raise OccError("parameter 'bag' of node 'player' is missing; give a recording")
-        self._recording = Recording(bag)
-        for warning in self._recording.warnings:
+        recording = Recording(bag)
+        for warning in recording.warnings:
             self.get_logger().warning(warning)
-        chosen = [self._recording.find(topic) for topic in topics]
-        self._publishers_of = {
-            topic: self._publisher(topic, self._recording.topics[topic])
-            for topic in chosen or self._playable()
-        }
-        self._messages: Iterator[RawMessage] = iter(())
-        self._next: RawMessage | None = None
-        self._offset: float | None = None
+        chosen = chosen.with_names(recording.find)
+        topics = [topic for topic in recording.topics if chosen.allows(topic)]
+        self._publishers_of = self._advertise(recording, topics)
+        self._playback = Playback(
+            recording, list(self._publishers_of), rate=rate, loop=loop, start_offset=offset
+        )
+        self._clock = self.create_publisher(Clock, _CLOCK, 10) if self._clock_rate else None
+        for name, answer in (
+            ('pause', self._on_pause),
+            ('resume', self._on_resume),
+            ('toggle_paused', self._on_toggle),
+        ):
+            self.create_service(Trigger, f'~/{name}', answer)
         self._looks = 0
         self._timer = self.steady_timer(_LOOK_SECONDS, self._begin)
 
-    def _playable(self) -> list[str]:
-        """Return the topics whose types are installed; warn of the others."""
-        playable = []
-        for topic, info in self._recording.topics.items():
+    def _advertise(self, recording: Recording, topics: list[str]) -> dict[str, Publisher]:
+        """Return a publisher for each topic whose type is installed; warn of the others."""
+        publishers = {}
+        for topic in topics:
+            if topic == _CLOCK and self._clock_rate:
+                self.get_logger().info('the recorded /clock gives way to the one of this player')
+                continue
+            info = recording.topics[topic]
             try:
-                message_class(info.msgtype)
-                playable.append(topic)
+                kind = message_class(info.msgtype)
             except OccError as error:
                 self.get_logger().warning(f'topic {topic} is not played: {error}')
-        if not playable:
-            raise OccError(f'{self._recording.path} has no topic whose message type is installed')
-        return playable
-
-    def _publisher(self, topic: str, info: TopicInfo) -> Publisher:
-        """Offer what suits every subscriber that one of the recorded publishers suited.
-
-        Latched messages all stay available, for several publishers may have latched one each.
-        """
-        best_effort = info.offered_qos and all(
-            offered.get('reliability') == 'best_effort' for offered in info.offered_qos
-        )
-        latched = any(
-            offered.get('durability') == 'transient_local' for offered in info.offered_qos
-        )
-        profile = QoSProfile(
-            history=HistoryPolicy.KEEP_LAST,
-            depth=_DEPTH,
-            reliability=(
-                ReliabilityPolicy.BEST_EFFORT if best_effort else ReliabilityPolicy.RELIABLE
-            ),
-            durability=(DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE),
-        )
-        return self.create_publisher(message_class(info.msgtype), topic, profile)
+                continue
+            qos = profile_to_play(info.offered_qos, latched=is_latched(topic, info))
+            publishers[topic] = self.create_publisher(kind, topic, qos)
+        if not publishers:
+            raise OccError(
+                f'{recording.path} has none of the topics to play whose message type is '
+                f'installed; its topics are {", ".join(recording.topics)}'
+            )
+        return publishers
 
     def _begin(self) -> None:
         subscribers = sum(
@@ -94,36 +99,39 @@ class Player(OccNode):
         if self._wanted and self._looks < SETTLED_LOOKS:
             return
         self.destroy_timer(self._timer)
-        self._rewind()
-        self._timer = self.steady_timer(0.001, self._play)
-
-    def _rewind(self) -> None:
-        self._messages = self._recording.messages(self._publishers_of)
-        self._next = next(self._messages, None)
-        self._offset = None
+        if not self._starts_paused:
+            self._playback.resume(self.steady_seconds())
+        if self._clock is not None:
+            self._tell_time()
+            self.steady_timer(1.0 / self._clock_rate, self._tell_time)
+        self._timer = self.steady_timer(_PLAY_SECONDS, self._play)
 
     def _play(self) -> None:
         """Publish what is due."""
-        now = self.steady_seconds()
-        for _ in range(_BURST):
-            if self._next is None:
-                self._end()
-                return
-            recorded = self._next.log_time_ns * 1e-9 / self._rate
-            if self._offset is None:
-                self._offset = now - recorded
-            if recorded + self._offset > now:
-                return
-            self._publishers_of[self._next.topic].publish(bytes(self._next.data))
-            self._next = next(self._messages, None)
+        for message in islice(self._playback.due(self.steady_seconds()), _BURST):
+            self._publishers_of[message.topic].publish(bytes(message.data))
+        if self._playback.is_over:
+            self._timer.cancel()
+            self.get_logger().info('the recording is over')
+            self.finish()
 
-    def _end(self) -> None:
-        if self._loop:
-            self._rewind()
-            return
-        self._timer.cancel()
-        self.get_logger().info('the recording is over')
-        self.finish()
+    def _tell_time(self) -> None:
+        now = self._playback.time_ns(self.steady_seconds())
+        self._clock.publish(Clock(clock=to_time(now)))
+
+    def _on_pause(self, _request: Any, response: Any) -> Any:
+        self._playback.pause(self.steady_seconds())
+        response.success, response.message = True, 'paused'
+        return response
+
+    def _on_resume(self, _request: Any, response: Any) -> Any:
+        self._playback.resume(self.steady_seconds())
+        response.success, response.message = True, 'playing'
+        return response
+
+    def _on_toggle(self, request: Any, response: Any) -> Any:
+        toggle = self._on_resume if self._playback.is_paused else self._on_pause
+        return toggle(request, response)
 
     def close(self) -> None:
         """Let the last messages leave before the publishers go."""

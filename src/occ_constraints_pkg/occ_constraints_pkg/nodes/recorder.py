@@ -4,31 +4,31 @@
 
 from __future__ import annotations
 
-import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
 from occ_constraints_pkg.bags.definitions import find_definition
 from occ_constraints_pkg.bags.qos import from_profile
 from occ_constraints_pkg.bags.writer import BagWriter
 from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.ros.bag_topics import profile_to_record, topic_filter
 from occ_constraints_pkg.ros.messages import message_class
 from occ_constraints_pkg.ros.process import OccNode, run_node
 from occ_constraints_pkg.ros.qos import no_events
 
 _LOOK_SECONDS = 0.1
 _FLUSH_SECONDS = 0.5
-_DEPTH = 1000
 
 
 @dataclass
 class _Recorded:
-    """A topic that is recorded: its type, how many publish it, and our subscription."""
+    """A topic that is recorded: its type, what its publishers offer, and our subscription."""
 
     msgtype: str
-    publishers: int = 0
+    offered: list[dict[str, Any]] = field(default_factory=list)
     subscription: Subscription | None = None
 
 
@@ -38,57 +38,58 @@ class Recorder(OccNode):
     def __init__(self) -> None:
         super().__init__('recorder')
         output = self.parameter('output', '', 'directory of the new bag; must not exist yet')
-        wanted = self.parameter('topics', [], 'topics to record; none: all that are published')
+        self._filter = topic_filter(self, 'record').with_names(self.full_name)
         compression = self.parameter('compression', 'zstd', 'zstd, lz4 or none')
+        max_bytes = self.parameter(
+            'max_bag_size', 0, 'bytes after which a new file is begun; 0: never', low=0
+        )
+        max_seconds = self.parameter(
+            'max_bag_duration', 0.0, 'seconds after which a new file is begun; 0: never', low=0.0
+        )
         if not output:
             raise OccError(
                 "parameter 'output' of node 'recorder' is missing; "
                 'give the directory of the new bag'
             )
-        self._wanted = {self.full_name(topic) for topic in wanted}
         self._recorded: dict[str, _Recorded] = {}
-        self._writer = BagWriter(output, compression=compression)
+        self._writer = BagWriter(
+            output,
+            compression=compression,
+            max_file_bytes=max_bytes,
+            max_file_seconds=max_seconds,
+        )
         self.steady_timer(_LOOK_SECONDS, self._look)
         self.steady_timer(_FLUSH_SECONDS, self._writer.flush)
-        names = ', '.join(sorted(self._wanted)) or 'all topics'
-        self.get_logger().info(f'recording {names} to {output}')
+        self.get_logger().info(f'recording {self._filter} to {output}')
 
     def close(self) -> None:
         """End the bag."""
         self._writer.close()
-        self.get_logger().info(f'{self._writer.message_count} messages recorded')
+        count, files = self._writer.message_count, len(self._writer.paths)
+        self.get_logger().info(
+            f'{count} messages recorded' + (f' in {files} files' if files > 1 else '')
+        )
 
     def _look(self) -> None:
         """Subscribe to new topics, and more modestly where a new publisher offers less."""
         for topic, _ in self.get_topic_names_and_types():
-            if self._wanted and topic not in self._wanted:
+            if not self._filter.allows(topic):
                 continue
             known = self._recorded.get(topic)
-            if known is not None and known.publishers == self.count_publishers(topic):
+            if known is not None and len(known.offered) == self.count_publishers(topic):
                 continue
             publishers = self.get_publishers_info_by_topic(topic)
             if not publishers:
                 continue
             if known is None:
                 known = self._recorded[topic] = _Recorded(publishers[0].topic_type)
-            known.publishers = len(publishers)
-            self._subscribe(topic, known, [publisher.qos_profile for publisher in publishers])
+            profiles = [publisher.qos_profile for publisher in publishers]
+            known.offered = [from_profile(profile) for profile in profiles]
+            self._subscribe(topic, known, profiles)
 
     def _subscribe(self, topic: str, known: _Recorded, offered: list[QoSProfile]) -> None:
-        """Ask for what every publisher offers: reliable or latched only when all of them are."""
-        reliable = all(p.reliability == ReliabilityPolicy.RELIABLE for p in offered)
-        latched = all(p.durability == DurabilityPolicy.TRANSIENT_LOCAL for p in offered)
         before = known.subscription
-        if before is not None:
-            # Never more than before: that would fetch latched messages a second time.
-            reliable &= before.qos_profile.reliability == ReliabilityPolicy.RELIABLE
-            latched &= before.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
-        profile = QoSProfile(
-            history=HistoryPolicy.KEEP_LAST,
-            depth=_DEPTH,
-            reliability=(ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT),
-            durability=(DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE),
-        )
+        profile = profile_to_record(offered, None if before is None else before.qos_profile)
         if before is not None and before.qos_profile == profile:
             return
         try:
@@ -98,10 +99,11 @@ class Recorder(OccNode):
             return
         # Kept once found. The first look-up takes half a second, in which messages would pile up.
         find_definition(known.msgtype)
-        entries = [from_profile(item) for item in offered]
 
         def write(data: bytes) -> None:
-            self._writer.write(topic, known.msgtype, data, time.time_ns(), qos=entries)
+            # With use_sim_time the time of /clock, as bags of a simulation have it.
+            now = self.get_clock().now().nanoseconds
+            self._writer.write(topic, known.msgtype, data, now, qos=known.offered)
 
         if before is not None:
             self.destroy_subscription(before)

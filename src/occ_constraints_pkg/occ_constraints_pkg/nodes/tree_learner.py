@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import fields
 from typing import Any
 
@@ -12,17 +11,21 @@ import numpy as np
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from occ_constraints_pkg.bags.demonstrations import learn_from_recordings
+from occ_constraints_pkg.bags.demonstrations import learn_from_files
 from occ_constraints_pkg.bags.extract import FeatureExtractor
 from occ_constraints_pkg.bags.feature_map import load_feature_map
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.learning.learn import learn
 from occ_constraints_pkg.learning.settings import OCTreeSettings
+from occ_constraints_pkg.ros.arrival import ArrivalClock
 from occ_constraints_pkg.ros.mapped_topics import MappedTopics
 from occ_constraints_pkg.ros.process import OccNode, run_node
 from occ_constraints_pkg.ros.qos import LATCHED, overridable
 from occ_constraints_pkg.rules.constraints_file import Constraints, save_learned
 from occ_constraints_pkg.stopping import stop_request
+
+# How long /clock may stand still while samples come in.
+_CLOCK_SECONDS = 1.0
 
 
 class TreeLearner(OccNode):
@@ -45,10 +48,18 @@ class TreeLearner(OccNode):
                 field.name, getattr(defaults, field.name), 'see docs/method.md'
             )
             for field in fields(defaults)
-            if field.name not in ('max_depth', 'nu')
+            if field.name not in ('max_depth', 'nu', 'contamination')
         }
+        share = self.parameter(
+            'contamination', -1.0, 'share of samples that may lie outside; below 0: estimated'
+        )
         nu = self.parameter('nu', 1.0, 'share of samples that may lie outside; 1: any', high=1.0)
-        self._settings = OCTreeSettings(max_depth=depth, nu=None if nu >= 1.0 else nu, **chosen)
+        self._settings = OCTreeSettings(
+            max_depth=depth,
+            nu=None if nu >= 1.0 else nu,
+            contamination=None if share < 0.0 else share,
+            **chosen,
+        )
         if not name:
             raise OccError(
                 "parameter 'feature_map' of node 'tree_learner' is missing; "
@@ -57,6 +68,7 @@ class TreeLearner(OccNode):
         self._map = load_feature_map(name)
         self._rng = np.random.default_rng(seed)
         self._extractor = FeatureExtractor(self._map)
+        self._arrival = ArrivalClock(self, _CLOCK_SECONDS)
         self._rows: list[np.ndarray] = []
         self._episodes: list[np.ndarray] = []
         self._publisher = self.create_publisher(
@@ -66,7 +78,7 @@ class TreeLearner(OccNode):
         if bags:
             self.get_logger().info(f'learning from {", ".join(bags)}')
             with stop_request.interrupting():
-                constraints = learn_from_recordings(
+                constraints = learn_from_files(
                     bags,
                     self._map,
                     self._settings,
@@ -80,8 +92,11 @@ class TreeLearner(OccNode):
             self._topics = MappedTopics(self, self._map, self._on_input)
 
     def _on_input(self, topic: str, message: Any) -> None:
+        now = self._arrival.now_ns()
         try:
-            rows = self._extractor.push(topic, message, time.time_ns())
+            rows = self._extractor.push(topic, message, now)
+            if self._arrival.problem():
+                raise OccError(self._arrival.problem())
         except OccError as error:
             self.get_logger().error(f'input refused: {error}', throttle_duration_sec=1.0)
             return

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import matplotlib as mpl
 
@@ -128,34 +127,6 @@ def draw_rules(path: Path, rule_set: RuleSet, values: np.ndarray) -> None:
     axis.set_title(
         'Demonstrated values (bar: middle half; pale: 98 %) and rules of one literal', fontsize=10
     )
-    figure.tight_layout()
-    figure.savefig(path, dpi=_DOTS_PER_INCH)
-    plt.close(figure)
-
-
-def draw_training(path: Path, history: Sequence[dict[str, Any]], cost_limit: float) -> None:
-    """Draw return, cost and multiplier over steps; values not there yet are left out.
-
-    Args:
-        path: PNG file to write.
-        history: the lines of a metrics file.
-        cost_limit: drawn as a line.
-    """
-    steps = np.array([item['steps'] for item in history], dtype=np.float64) / 1e6
-    figure, axes = plt.subplots(1, 3, figsize=(12, 3.4))
-    panels = (
-        ('mean_return', 'return per episode', _SAFE),
-        ('mean_cost', 'learned cost per episode', _VIOLATED),
-        ('multiplier', 'Lagrange multiplier', '#555555'),
-    )
-    for axis, (key, title, colour) in zip(axes, panels, strict=True):
-        numbers = [np.nan if item[key] is None else item[key] for item in history]
-        axis.plot(steps, numbers, color=colour)
-        axis.set_title(title, fontsize=10)
-        axis.set_xlabel('million robot steps')
-        axis.grid(alpha=0.3)
-    axes[1].axhline(cost_limit, color='black', ls='--', lw=1)
-    axes[1].text(steps[-1], cost_limit, 'limit ', ha='right', va='bottom', fontsize=8)
     figure.tight_layout()
     figure.savefig(path, dpi=_DOTS_PER_INCH)
     plt.close(figure)

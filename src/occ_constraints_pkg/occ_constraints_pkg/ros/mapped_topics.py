@@ -44,7 +44,7 @@ class MappedTopics:
         self._callback = callback
         self._closed = False
         self._full_names = {topic: node.full_name(topic) for topic in feature_map.topics}
-        self._tables = {item.topic for item in feature_map.features if item.column is not None}
+        self._tables = feature_map.table_topics
         self._subscriptions = []
         self._awaited = [topic for topic in feature_map.topics if topic not in self._tables]
         for topic in self._tables:

@@ -64,6 +64,19 @@ class SafetyGymWorld(World):
     lidars: ClassVar[dict[str, int]]
     hazard_radius: ClassVar[float]
     max_episode_steps = 1000
+    state_names = (
+        'generators',
+        '_objects',
+        '_to_go',
+        '_steps',
+        '_observation',
+        'physics.qpos',
+        'physics.qvel',
+        'physics.movable',
+        'physics.movable_velocity',
+        'physics.pillars',
+        'physics._moves',
+    )
 
     def __init_subclass__(cls) -> None:
         """Derive the names of columns and the length of a step from robot and lidars."""

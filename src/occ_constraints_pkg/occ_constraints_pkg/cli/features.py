@@ -1,0 +1,109 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""``occ features suggest`` and ``check``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from occ_constraints_pkg.cli.common import (
+    JSON,
+    print_json,
+    progress_bar,
+    warn,
+)
+from occ_constraints_pkg.errors import OccError
+
+
+@click.group()
+def features() -> None:
+    """Suggest a feature map for a recording, or see what one yields.
+
+    \b
+    Example: occ features suggest bags/drive_1 -o my_robot.yaml
+    """
+
+
+@features.command()
+@click.argument('bag', type=click.Path())
+@click.option('-o', '--output', type=click.Path(), help='New file to write; default: print it.')
+@JSON
+def suggest(bag: str, output: str | None, as_json: bool) -> None:
+    """Look through a recording and write a commented feature map.
+
+    Each feature stands with its range, rate and share of missing values. What is not used stands
+    in comments with the reason.
+
+    \b
+    Example: occ features suggest bags/drive_1 -o my_robot.yaml
+    """
+    from occ_constraints_pkg.bags.recording import Recording
+    from occ_constraints_pkg.bags.suggest import suggest as suggest_map
+    from occ_constraints_pkg.report.features import suggestion_text, yield_document
+
+    if output and Path(output).exists():
+        raise OccError(f'{output} exists already; allowed is a new file, for maps are edited')
+    with progress_bar('reading') as progress:
+        suggestion = suggest_map(Recording(bag), progress=progress)
+    for sentence in suggestion.warnings:
+        warn(sentence)
+    text = suggestion_text(suggestion)
+    if output:
+        try:
+            Path(output).write_text(text, encoding='utf-8')
+        except OSError as error:
+            raise OccError(f'cannot write {output}: {error.strerror}') from error
+    if as_json:
+        print_json(
+            {
+                'output': output,
+                'map': text,
+                'pace': suggestion.pace.name,
+                'max_age': suggestion.max_age,
+                **yield_document(suggestion.seen),
+                'not_used': [
+                    {'name': item.entry['name'], 'topic': item.topic.name, 'reason': item.aside}
+                    for item in suggestion.candidates
+                    if item.aside
+                ],
+                'warnings': list(suggestion.warnings),
+            }
+        )
+    elif output:
+        click.echo(f'{len(suggestion.seen.features)} features; written to {output}')
+    else:
+        click.echo(text, nl=False)
+
+
+@features.command()
+@click.argument('bag', type=click.Path())
+@click.argument('map_name', metavar='MAP')
+@JSON
+def check(bag: str, map_name: str, as_json: bool) -> int:
+    """Show what a feature map yields on a recording.
+
+    MAP is a YAML file, or a built-in name such as PointGoal1. Exit code 1 when a feature stays at
+    one value other than 0 or a bound, when it is missing or outside its bounds in more than 5 %
+    of the rows, or when time goes back from one row to the next.
+
+    \b
+    Example: occ features check bags/drive_1 my_robot.yaml
+    """
+    from occ_constraints_pkg.bags.feature_map import load_feature_map
+    from occ_constraints_pkg.bags.recording import Recording
+    from occ_constraints_pkg.bags.yields import inspect
+    from occ_constraints_pkg.report.features import describe_yield, yield_document
+
+    feature_map = load_feature_map(map_name)
+    with progress_bar('reading') as progress:
+        seen = inspect(Recording(bag), feature_map, progress=progress)
+    for sentence in seen.warnings:
+        warn(sentence)
+    if as_json:
+        print_json(yield_document(seen))
+    else:
+        pace = feature_map.pace or f'a rate of {feature_map.rate:g} Hz'
+        click.echo(describe_yield(seen, bag, pace))
+    return 1 if seen.has_problem else 0

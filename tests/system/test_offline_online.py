@@ -1,0 +1,189 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Recordings of robots, played to the monitor message by message, against ``occ check``."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from made_bags import ROVER_MAP, write_rover
+from occ_constraints_pkg.bags.demonstrations import learn_from_files, read_for_rules
+from occ_constraints_pkg.bags.extract import FeatureExtractor, rows_of
+from occ_constraints_pkg.bags.feature_map import FeatureMap
+from occ_constraints_pkg.bags.recording import Recording
+from occ_constraints_pkg.bags.table import Table
+from occ_constraints_pkg.documents import parse_yaml
+from occ_constraints_pkg.learning.settings import OCTreeSettings
+from occ_constraints_pkg.rules import Verdict
+
+ROBOTS = Path(os.environ.get('OCC_TEST_DATA', Path(__file__).parents[3] / 'shared/data')) / 'robots'
+QUICK = ('bump_neato_zcoakley_fsm',)
+REST = sorted(path.name for path in ROBOTS.glob('*/') if path.name not in QUICK)
+
+
+class LockStep:
+    """Plays a recording: the next message goes out when the monitor is done with the one before."""
+
+    def __init__(self, nodes, rules, topics):
+        from diagnostic_msgs.msg import DiagnosticArray
+        from occ_constraints_pkg.experiments.witness import Witness
+        from occ_constraints_pkg.ros.qos import STEPS
+        from rosgraph_msgs.msg import Clock
+        from sensor_msgs.msg import PointCloud2
+        from std_srvs.srv import SetBool
+
+        self.rules = nodes.folder / 'rules.yaml'
+        rules.save(self.rules)
+        reliable = {
+            f'qos_overrides.{topic}.subscription.{key}': value
+            for topic in topics
+            for key, value in (('reliability', 'reliable'), ('depth', 100))
+        }
+        # The ages of messages without a stamp are those in the recording, by the recorded time.
+        self.monitor = nodes.start(
+            'monitor', constraints_file=self.rules, timeout=60.0, use_sim_time=True, **reliable
+        )
+        self.witness = Witness(nodes.domain)
+        self.costs, self.violations = [], []
+        node = self.witness.node
+        node.create_subscription(PointCloud2, 'costs', self.costs.append, STEPS)
+        node.create_subscription(DiagnosticArray, 'violation', self.violations.append, STEPS)
+        self.clock = node.create_publisher(Clock, '/clock', STEPS)
+        self.done = node.create_client(SetBool, 'monitor/enable')
+
+    def play(self, recording, topics):
+        from occ_constraints_pkg.ros.messages import message_class, to_time
+        from occ_constraints_pkg.ros.qos import STEPS
+        from rosgraph_msgs.msg import Clock
+        from std_srvs.srv import SetBool
+
+        witness, node = self.witness, self.witness.node
+        publishers = {
+            topic: node.create_publisher(
+                message_class(recording.topics[topic].msgtype), topic, STEPS
+            )
+            for topic in topics
+        }
+        everything = [*publishers.values(), self.clock]
+        witness.spin_until(lambda: all(p.get_subscription_count() for p in everything), 30.0)
+        witness.wait_for_monitor(2)
+        # Answered, so the monitor has found this client, and we the monitor's topics.
+        witness.call(SetBool, 'monitor/enable', data=True)
+        witness.spin_until(self.done.service_is_ready, 30.0)
+        for message in recording.messages(topics):
+            self.clock.publish(Clock(clock=to_time(message.log_time_ns)))
+            publishers[message.topic].publish(message.data)
+            # Callbacks run in the order in which their messages came, so whatever this message
+            # brings about has been published when the call is answered.
+            answer = self.done.call_async(SetBool.Request(data=True))
+            witness.spin_until_done(answer, 30.0)
+            assert answer.result().success
+
+
+@pytest.fixture
+def lock_step(nodes):
+    made = []
+
+    def make(*arguments):
+        made.append(LockStep(nodes, *arguments))
+        return made[-1]
+
+    yield make
+    for player in made:
+        player.witness.__exit__()
+
+
+def check(lock_step, bag, feature_map, contamination=0.2):
+    """Compare what the monitor says of a recording with what is computed from the file."""
+    from occ_constraints_pkg.ros.messages import to_nanoseconds
+
+    recording = Recording(bag)
+    rules = learn_from_files(
+        [bag],
+        feature_map,
+        OCTreeSettings(contamination=contamination),
+        rng=np.random.default_rng(0),
+    )
+    topics = [recording.find(topic) for topic in feature_map.topics]
+    player = lock_step(rules, topics)
+    player.play(recording, topics)
+
+    data = read_for_rules([bag], rules, 'rules')
+    rule_set, judgement = rules.rule_set, rules.rule_set.judge(data.values)
+    offline = np.stack(
+        [judgement.cost, judgement.verdict, judgement.margin, judgement.rule], axis=1
+    )
+
+    # A message that came twice is answered twice, and counted once.
+    answered = sum(1 for _ in rows_of(recording, FeatureExtractor(feature_map)))
+    player.witness.spin(10.0, lambda: len(player.costs) >= answered)
+    player.witness.spin(10.0, lambda: len(player.violations) >= answered)
+    assert len(player.costs) == len(player.violations) == answered
+    expected = [
+        (stamp, row.tobytes())
+        for stamp, row in zip(data.stamps_ns, offline.astype(np.float64), strict=True)
+    ]
+    place = -1
+    for message in player.costs:
+        stamp = to_nanoseconds(message.header.stamp)
+        answer = stamp, Table.from_message(message).values.tobytes()
+        if place + 1 < len(expected) and answer == expected[place + 1]:
+            place += 1
+        else:
+            assert answer == expected[place], f'answer {place} to the message of stamp {stamp}'
+    assert place == len(expected) - 1
+    # Every violated rule is told by its id, with its own margin.
+    samples = dict(zip(expected, zip(judgement.verdict, data.values, strict=True), strict=True))
+    for costs, violation in zip(player.costs, player.violations, strict=True):
+        stamp = to_nanoseconds(costs.header.stamp)
+        assert to_nanoseconds(violation.header.stamp) == stamp
+        verdict, sample = samples[stamp, Table.from_message(costs).values.tobytes()]
+        told = [{v.key: v.value for v in status.values} for status in violation.status]
+        assert told[0]['verdict'] == Verdict(verdict).name
+        if verdict == Verdict.UNKNOWN:
+            continue
+        margins = rule_set.rule_margins(sample)
+        assert {item['id']: item['margin'] for item in told[1:]} == {
+            rule_set.rules[place].id: repr(float(margins[place]))
+            for place in rule_set.violated_rules(sample)
+        }
+    return judgement, data
+
+
+@pytest.mark.parametrize(
+    'pace',
+    [
+        '/scan',
+        pytest.param('/cmd_vel', marks=pytest.mark.slow),
+        pytest.param('{rate: 8}', marks=pytest.mark.slow),
+    ],
+)
+def test_a_made_up_bag(lock_step, tmp_path, pace):
+    """Commands carry no stamp: what they set the pace for is stamped with their arrival."""
+    bag = write_rover(tmp_path / 'rover')
+    text = ROVER_MAP.replace('pace: /scan', f'pace: {pace}')
+    judgement, data = check(
+        lock_step, bag, FeatureMap.from_document(parse_yaml(text, 'map'), 'map')
+    )
+    if pace == '/scan':
+        # One scan came twice.
+        assert len(data) == Recording(bag).topics['/scan'].count - 1
+        assert set(judgement.verdict) == set(Verdict)
+    elif pace == '/cmd_vel':
+        assert data.stamps_ns.tolist() == [m.log_time_ns for m in Recording(bag).messages([pace])]
+    else:
+        assert len(data) == pytest.approx(12 * 8, abs=9)
+    assert {Verdict.SAFE, Verdict.UNKNOWN} <= set(judgement.verdict)
+
+
+@pytest.mark.parametrize(
+    'name', [*QUICK, *(pytest.param(name, marks=pytest.mark.slow) for name in REST)]
+)
+def test_a_real_bag(lock_step, name):
+    if not (ROBOTS / name).is_dir():
+        pytest.skip(f'no test data at {ROBOTS}; set OCC_TEST_DATA')
+    feature_map = FeatureMap.from_document(parse_yaml(ROVER_MAP, 'map'), 'map')
+    judgement, _ = check(lock_step, ROBOTS / name, feature_map)
+    assert Verdict.SAFE in judgement.verdict
+    assert len(set(judgement.verdict)) > 1

@@ -33,8 +33,9 @@ format: setup  ## rewrite Python files the way lint wants them
 	@.venv/bin/ruff check --fix
 	@.venv/bin/ruff format
 
-bench: setup  ## measure the loop of sim, monitor and learner
+bench: setup  ## measure the loop of sim, monitor and learner, and how fast rules judge
 	@.venv/bin/occ bench loop --json
+	@.venv/bin/occ bench rules --json
 
 colcon: setup  ## build ros2_ws with colcon and start one node out of its install tree
 	@scripts/colcon.sh

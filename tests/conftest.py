@@ -1,11 +1,13 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""What all tests share: the versions in pytest's header, and no deadline for one example."""
+"""What all tests share: versions in pytest's header, no deadline for one example, ``occ``."""
 
 import platform
 from importlib import metadata
 
+import pytest
 from hypothesis import settings
+from occ_constraints_pkg.cli import main
 
 # How long one example takes depends on what else the machine does.
 settings.register_profile('any machine', deadline=None)
@@ -22,3 +24,23 @@ def pytest_report_header() -> str:
         except metadata.PackageNotFoundError:
             versions.append(f'{name} absent')
     return 'versions: ' + ', '.join(versions)
+
+
+@pytest.fixture
+def run_occ(capsys):
+    """Return a function that runs ``occ``: exit code, stdout, stderr."""
+
+    def run(line: str) -> tuple[int, str, str]:
+        capsys.readouterr()
+        code = main(line.split())
+        out, err = capsys.readouterr()
+        return code, out, err
+
+    return run
+
+
+@pytest.fixture
+def occ(run_occ, tmp_path, monkeypatch):
+    """Return :func:`run_occ`, run in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+    return run_occ

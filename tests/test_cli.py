@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -52,17 +53,10 @@ def files(tmp_path_factory):
 
 
 @pytest.fixture
-def occ(files, monkeypatch, capsys):
+def occ(files, run_occ, monkeypatch):
     """Return a function that runs ``occ`` in that folder: exit code, stdout, stderr."""
     monkeypatch.chdir(files)
-
-    def run(line):
-        capsys.readouterr()
-        code = main(line.split())
-        out, err = capsys.readouterr()
-        return code, out, err
-
-    return run
+    return run_occ
 
 
 @pytest.mark.parametrize('name', COMMANDS)
@@ -88,7 +82,7 @@ MISTAKES = {
     'learn nowhere -m simple_nav': 'there is no recording at nowhere',
     'learn empty -m simple_nav': 'empty holds no messages',
     'learn elsewhere -m simple_nav': "no topic 'observation'",
-    'learn rules.yaml -m simple_nav': 'rules.yaml is not a recording',
+    'learn rules.yaml -m simple_nav': 'allowed keys are schema_version, recordings',
     'learn careful -m simple_nave': "did you mean 'simple_nav'",
     'learn careful -m nowhere.yaml': "no feature map 'nowhere.yaml'",
     'learn careful -m simple_nav --contamination 2': 'contamination is 2.0',
@@ -107,6 +101,8 @@ MISTAKES = {
     'check careful': "Missing option '-c'",
     'prune rules.yaml': 'no enabled rule has been evaluated',
     'prune rules.yaml -t 2': 'threshold is 2.0',
+    'prune rules.yaml --counts nowhere.json': 'nowhere.json',
+    'prune rules.yaml --counts typo.yaml': 'no file of rule counters',
     'prune typo.yaml': 'operater: unknown key',
     'evaluate nowhere.npz': 'nowhere.npz',
     'evaluate rules.yaml': 'rules.yaml',
@@ -131,7 +127,24 @@ def test_a_mistake_is_told_in_one_sentence(occ, files, line):
 
 
 @pytest.mark.parametrize(
-    'line', ['train simple_nave -o x', 'train simple_nav --cost typo.yaml -o x']
+    'line',
+    [
+        'train simple_nave -o x',
+        'train simple_nav --cost typo.yaml -o x',
+        'train simple_nav --cost-limit much -o x',
+        'train simple_nav --cost-limit -1 -o x',
+        'train simple_nav --cost-limit demonstrations -o x',
+        'train simple_nav --device cudo -o x',
+        'train simple_nav --device cudo --seeds 0:2 -o x',
+        'train simple_nav --set actr_lr=1 -o x',
+        'train simple_nav --set actor_lr=fast -o x',
+        'train simple_nav --set actor_lr="fast" -o x',
+        'train simple_nav --set minibatch=1.5 -o x',
+        'train simple_nav --set gamma=2 -o x',
+        'train simple_nav --seeds 5 -o x',
+        'train simple_nav --seeds 3:3 -o x',
+        'train simple_nav --cost typo.yaml --seeds 0:2 -o x',
+    ],
 )
 def test_mistakes_in_training(occ, files, line):
     pytest.importorskip('torch', reason="needs the extra 'train'")
@@ -147,6 +160,7 @@ def test_mistakes_in_training(occ, files, line):
         ('mujoco', 'train PointGoal1 -o x', 'train'),
         ('torch', 'node constrained_learner', 'train'),
         ('torch', 'bench loop', 'train'),
+        ('torch', 'bench train', 'train'),
         ('rclpy', 'node monitor', 'ros'),
         ('sensor_msgs', 'node sim', 'ros'),
         ('rclpy', 'record -o x', 'ros'),
@@ -237,6 +251,40 @@ def test_an_edited_file_is_overwritten_on_request_and_kept(occ, files):
     assert code == 0
     assert (files / 'mine.yaml.bak').read_text() == edited
     assert (files / 'mine.yaml').read_text() != edited
+
+
+def test_train_several_seeds_and_go_on(occ, files):
+    pytest.importorskip('torch', reason="needs the extra 'train'")
+    line = 'train simple_nav --cost rules.yaml --cost-limit demonstrations --robots 8 -o seeds'
+    line += ' --set hidden=[16] --set rollout_steps=64'
+    code, out, err = occ(f'{line} --seeds 3:5 --steps 2500 --json')
+    first = json.loads(out)
+    assert (code, err) == (0, '')
+    assert [Path(item['directory']).name for item in first['seeds']] == ['seed_3', 'seed_4']
+    assert first['return_ci95'] > 0
+    rules = load_constraints(files / 'rules.yaml')
+    assert first['cost_limit'] == rules.coverage['cost_per_episode'] > 0
+    code, out, _ = occ(f'{line} --seeds 3:5 --steps 5000 --resume --json')
+    second = json.loads(out)
+    assert code == 0
+    for one, two in zip(first['seeds'], second['seeds'], strict=True):
+        assert one['steps'] < two['steps'] <= 5000
+    counted = load_constraints(files / 'seeds' / 'seed_3' / 'constraints.yaml').rule_set.rules
+    assert sum(rule.evaluated for rule in counted) >= 5000
+    code, out, _ = occ('evaluate seeds/seed_3/policy.npz seeds/seed_4/policy.npz --episodes 2')
+    assert code == 0
+    assert 'return_ci95: ' in out
+
+
+def test_a_training_is_not_resumed_with_other_settings(occ, files):
+    pytest.importorskip('torch', reason="needs the extra 'train'")
+    line = 'train simple_nav --steps 2500 --robots 8 -o fixed --resume'
+    code, _, err = occ(line)
+    assert code == 0
+    assert 'no checkpoint in fixed, so training starts anew' in err
+    code, out, err = occ(f'{line} --cost-limit 7')
+    assert (code, out) == (2, '')
+    assert 'cost_limit 25.0; it cannot be resumed with 7.0' in err
 
 
 def test_evaluate_prints_numbers(occ):

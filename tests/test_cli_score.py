@@ -37,17 +37,10 @@ def files(tmp_path_factory):
 
 
 @pytest.fixture
-def occ(files, monkeypatch, capsys):
+def occ(files, run_occ, monkeypatch):
     """Return a function that runs ``occ`` in that folder: exit code, stdout, stderr."""
     monkeypatch.chdir(files)
-
-    def run(line):
-        capsys.readouterr()
-        code = main(line.split())
-        out, err = capsys.readouterr()
-        return code, out, err
-
-    return run
+    return run_occ
 
 
 def test_scoring_a_bag(occ):

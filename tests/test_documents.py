@@ -7,7 +7,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from occ_constraints_pkg.documents import dump_yaml, parse_document, parse_yaml, read_document
+from occ_constraints_pkg.documents import (
+    dump_yaml,
+    parse_document,
+    parse_yaml,
+    read_document,
+    validate,
+)
 from occ_constraints_pkg.errors import OccError
 
 SCALARS = st.none() | st.booleans() | st.integers() | st.text(max_size=20)
@@ -49,6 +55,7 @@ def test_written_readably():
         ('a: 2001-99-99', 'is not valid YAML'),
         ('[' * 1000, 'is not valid YAML'),
         ('a: \x00', 'is not valid YAML'),
+        ('? [[a]]\n: b', 'is not valid YAML'),
     ],
 )
 def test_what_is_not_yaml(text, sentence):
@@ -56,6 +63,16 @@ def test_what_is_not_yaml(text, sentence):
         parse_yaml(text, 'FILE')
     assert sentence in str(caught.value)
     assert '\n' not in str(caught.value)
+
+
+def test_nesting_that_the_validator_cannot_follow():
+    schema = {'$defs': {'list': {'type': 'array', 'items': {'$ref': '#/$defs/list'}}}}
+    schema['$ref'] = '#/$defs/list'
+    document = []
+    for _ in range(900):
+        document = [document]
+    with pytest.raises(OccError, match='FILE is nested too deeply'):
+        validate(document, schema, 'FILE')
 
 
 def test_files_that_cannot_be_read(tmp_path):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from occ_constraints_pkg.bags.demonstrations import learn_from_recordings
+from occ_constraints_pkg.bags.demonstrations import learn_from_files
 from occ_constraints_pkg.bags.extract import extract
 from occ_constraints_pkg.bags.feature_map import load_feature_map
 from occ_constraints_pkg.learning.density import bandwidth
@@ -22,7 +22,7 @@ def learned():
     settings = OCTreeSettings(clip='density', alpha=0.5, max_depth=2, full_conditions=True)
     feature_map = load_feature_map('simple_nav')
     paths = [BAGS / 'simple_nav_expert']
-    return learn_from_recordings(paths, feature_map, settings, rng=np.random.default_rng(0))
+    return learn_from_files(paths, feature_map, settings, rng=np.random.default_rng(0))
 
 
 @pytest.fixture(scope='module')

@@ -8,7 +8,16 @@ from pathlib import Path
 from setuptools import find_packages, setup
 
 NAME = 'occ_constraints_pkg'
-NODES = ('sim', 'policy', 'recorder', 'player', 'tree_learner', 'monitor', 'constrained_learner')
+NODES = (
+    'sim',
+    'policy',
+    'recorder',
+    'player',
+    'tree_learner',
+    'monitor',
+    'gate',
+    'constrained_learner',
+)
 
 # colcon may run this file from another directory, but always with the package as working
 # directory, and data_files must be relative to it.
@@ -51,7 +60,7 @@ setup(
     ],
     extras_require={
         'ros': ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces'],
-        'train': ['torch>=2.3', 'mujoco>=3.3'],
+        'train': ['torch>=2.3', 'mujoco>=3.3', 'gymnasium>=1.1'],
         'report': ['matplotlib>=3.8', 'jinja2>=3.1'],
         'dev': [
             'pytest>=8',

@@ -21,13 +21,14 @@ class LineWorld(World):
     action_columns = (Column('d_x', '1', -1.0, 1.0),)
     step_seconds = 0.1
     max_episode_steps = 20
+    state_names = ('x', 't', 'rngs')
 
     def __init__(self, num_envs: int, *, cliff: bool = False) -> None:
         self.num_envs = num_envs
         self.cliff = cliff
         self.x = np.zeros(num_envs)
         self.t = np.zeros(num_envs, dtype=np.int64)
-        self.rng = np.random.default_rng()
+        self.rngs = [np.random.default_rng()]
 
     def _view(self) -> tuple[np.ndarray, dict[str, Any]]:
         return self.x[:, None].astype(np.float32), {'true_cost': (self.x > 0.7).astype(np.float64)}
@@ -37,9 +38,9 @@ class LineWorld(World):
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Start at a random place in the left half."""
         if seed is not None:
-            self.rng = np.random.default_rng(seed)
+            self.rngs = [np.random.default_rng(seed)]
         mask = np.ones(self.num_envs, dtype=bool) if mask is None else mask
-        self.x[mask] = self.rng.uniform(0.1, 0.5, mask.sum())
+        self.x[mask] = self.rngs[0].uniform(0.1, 0.5, mask.sum())
         self.t[mask] = 0
         return self._view()
 

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from occ_constraints_pkg.agents.scripted import DRIVERS, make_driver
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.worlds.lidar import lidar_returns
 from occ_constraints_pkg.worlds.simple_nav import SimpleNav
 from occ_constraints_pkg.worlds.stream import EpisodeStream
 
@@ -59,25 +58,6 @@ def test_straight_is_faster_and_pays_for_it():
     assert (cost > 10).all()
 
 
-def test_straightv_steers_by_goal_lidar_and_velocimeter():
-    bearing = np.linspace(-3.1, 3.1, 200)
-    objects = 1.5 * np.column_stack([np.cos(bearing), np.sin(bearing)])[:, None]
-    observation = np.zeros((200, 60))
-    observation[:, 12:28] = lidar_returns(np.zeros((200, 2)), np.zeros(200), objects)[:, 0]
-    observation[:, 4] = 0.5
-    action = make_driver('PointGoal1', 'straightv', np.random.default_rng(0))(observation)
-    turn = np.arctan2(np.sin(bearing) - 0.5, np.cos(bearing))
-    np.testing.assert_allclose(action[:, 1], np.clip(turn, -1, 1), atol=1e-9)
-    np.testing.assert_array_equal(action[:, 0], np.abs(turn) < np.pi / 4)
-
-
-def test_straightv_turns_to_the_hazards_when_the_goal_is_too_far_to_be_seen():
-    observation = np.zeros((1, 60))
-    observation[0, 28 + 4] = 0.5  # a hazard to the left
-    action = make_driver('PointGoal1', 'straightv', np.random.default_rng(0))(observation)
-    np.testing.assert_array_equal(action, [[0.0, 1.0]])
-
-
 @pytest.mark.parametrize('world', DRIVERS)
 def test_random_is_uniform_and_repeatable(world):
     observation = np.zeros((500, 60))
@@ -94,7 +74,7 @@ def test_unknown_names_and_wrong_observations_are_refused():
     rng = np.random.default_rng(0)
     with pytest.raises(OccError, match='allowed are simple_nav, PointGoal1'):
         make_driver('maze', 'random', rng)
-    with pytest.raises(OccError, match='allowed are random, straightv'):
+    with pytest.raises(OccError, match='allowed are random, straightv, avoider'):
         make_driver('PointGoal1', 'expert', rng)
     with pytest.raises(OccError, match=r'shape \(3, 5\)'):
         make_driver('simple_nav', 'expert', rng)(np.zeros((3, 5)))

@@ -12,9 +12,12 @@ pytest.importorskip('torch')
 
 from occ_constraints_pkg.agents.evaluation import evaluate  # noqa: E402
 from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian  # noqa: E402
+from occ_constraints_pkg.agents.rule_cost import RuleCost  # noqa: E402
 from occ_constraints_pkg.agents.settings import PPOLagrangianConfig  # noqa: E402
 from occ_constraints_pkg.agents.training import TrainingDirectory, TrueCost, train  # noqa: E402
 from occ_constraints_pkg.errors import OccError  # noqa: E402
+from occ_constraints_pkg.rules import Feature, FeatureSpace, Literal, Rule, RuleSet  # noqa: E402
+from occ_constraints_pkg.rules.constraints_file import Constraints  # noqa: E402
 
 
 def make_learner(world, **settings):
@@ -138,3 +141,75 @@ def test_a_save_that_fails_leaves_the_earlier_files(tmp_path, monkeypatch):
     with pytest.raises(OccError, match=r'cannot write .*checkpoint.pt: torch says'):
         directory.save(learner)
     assert {path.name: path.read_bytes() for path in directory.path.iterdir()} == before
+
+
+def untimed(lines):
+    return [{k: v for k, v in line.items() if not k.endswith('_s')} for line in lines]
+
+
+@pytest.mark.parametrize('crashed', [False, True])
+def test_a_resumed_training_gives_the_same_curve(tmp_path, crashed):
+    """Stopped within a rollout, or killed some updates after the last checkpoint."""
+    rules = Constraints(
+        RuleSet(
+            FeatureSpace((Feature('x'),)),
+            (Rule('far', (Literal(0, '>', 0.7),)),),
+            np.array([[0, 1]]),
+        ),
+        {
+            'schema_version': 1,
+            'pace': 'observation',
+            'max_age': 1.0,
+            'features': [{'name': 'x', 'topic': 'observation', 'column': 'x', 'unit': '1'}],
+        },
+    )
+
+    def go_on(path, steps, resume):
+        world = LineWorld(8, cliff=True)
+        source, directory = RuleCost(rules, world), TrainingDirectory(path, {'robots': 8})
+        learner, resumed = directory.resume() if resume else (make_learner(world), None)
+        train(
+            world, learner, source, seed=1, total_steps=steps, directory=directory, resumed=resumed
+        )
+        return directory, source, learner
+
+    whole, whole_source, whole_learner = go_on(tmp_path / 'whole', 3000, False)
+    directory, _, _ = go_on(tmp_path / 'parts', 1500, False)
+    if crashed:
+        checkpoint = (tmp_path / 'parts' / 'checkpoint.pt').read_bytes()
+        go_on(tmp_path / 'parts', 2500, True)
+        (tmp_path / 'parts' / 'checkpoint.pt').write_bytes(checkpoint)
+        with (tmp_path / 'parts' / 'metrics.jsonl').open('a') as file:
+            file.write('{"steps": 25')
+    directory, source, learner = go_on(tmp_path / 'parts', 3000, True)
+    assert len(whole.history()) >= 8
+    assert untimed(directory.history()) == untimed(whole.history())
+    np.testing.assert_array_equal(source.counts.evaluated, whole_source.counts.evaluated)
+    np.testing.assert_array_equal(source.counts.violated, whole_source.counts.violated)
+    assert learner.steps == whole_learner.steps
+    for one, other in zip(learner.policy().weights, whole_learner.policy().weights, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_resuming_without_a_checkpoint_or_with_other_settings_is_refused(tmp_path):
+    with pytest.raises(OccError, match='cannot read checkpoint'):
+        TrainingDirectory(tmp_path).resume()
+    world = LineWorld(8)
+    directory = TrainingDirectory(tmp_path, {'robots': 8})
+    train(world, make_learner(world), TrueCost(), seed=1, total_steps=500, directory=directory)
+    with pytest.raises(OccError, match='has robots 8; it cannot be resumed with 9'):
+        TrainingDirectory(tmp_path, {'robots': 9}).resume()
+
+
+def test_a_training_stops_when_told(tmp_path):
+    world = LineWorld(8)
+    learner, calls = make_learner(world), iter(range(100))
+    train(
+        world,
+        learner,
+        TrueCost(),
+        seed=1,
+        total_steps=10_000,
+        is_stopped=lambda: next(calls) >= 30,
+    )
+    assert 0 < learner.steps <= 30 * 8

@@ -14,14 +14,24 @@ from rosbags.typesys import Stores, get_typestore
 STORE = get_typestore(Stores.ROS2_JAZZY)
 
 
-@pytest.fixture(scope='session')
-def robots():
-    """Return the folder of the real robots' recordings."""
+def _data(name):
     default = Path(__file__).parents[3] / 'shared' / 'data'
-    folder = Path(os.environ.get('OCC_TEST_DATA', default)) / 'robots'
+    folder = Path(os.environ.get('OCC_TEST_DATA', default)) / name
     if not folder.is_dir():
         pytest.skip(f'no test data at {folder}; set OCC_TEST_DATA')
     return folder
+
+
+@pytest.fixture(scope='session')
+def robots():
+    """Return the folder of the real robots' recordings."""
+    return _data('robots')
+
+
+@pytest.fixture(scope='session')
+def odd():
+    """Return the folder of odd recordings: other people's test data."""
+    return _data('odd')
 
 
 class Messages:
@@ -79,20 +89,26 @@ class Messages:
         )  # fmt: skip
 
 
-@pytest.fixture
+@pytest.fixture(scope='session')
 def messages():
     return Messages()
 
 
-@pytest.fixture
-def write_bag(tmp_path):
-    """Return a function that writes ``(topic, message, time)`` triples and returns the bag."""
+@pytest.fixture(scope='session')
+def write_entries():
+    """Return a function that writes ``(topic, message, time)`` triples to a new bag."""
 
-    def write(entries, name='bag', **options):
-        with BagWriter(tmp_path / name, **options) as bag:
+    def write(path, entries, **options):
+        with BagWriter(path, **options) as bag:
             for topic, message, time in entries:
                 data = bytes(STORE.serialize_cdr(message, message.__msgtype__))
                 bag.write(topic, message.__msgtype__, data, time)
-        return tmp_path / name
+        return path
 
     return write
+
+
+@pytest.fixture
+def write_bag(tmp_path, write_entries):
+    """Return a function that writes such triples to a bag of the test and returns it."""
+    return lambda entries, name='bag', **options: write_entries(tmp_path / name, entries, **options)

@@ -347,6 +347,7 @@ def test_rclpy_and_rosbags_give_the_same_bits(messages):
         {'topic': 'scan', 'field': 'ranges[3:20]', 'reduce': 'mean'},
         {'topic': 'scan', 'field': 'ranges', 'reduce': 'norm', 'missing': 'max_range'},
         {'topic': 'scan', 'field': 'ranges[7]'},
+        {'topic': 'scan', 'field': 'ranges', 'degrees': (-30.0, 100.0), 'reduce': 'min'},
         {'topic': 'imu', 'field': 'orientation', 'transform': 'yaw'},
         {'topic': 'table', 'column': 'b'},
         pace='table',

@@ -41,10 +41,12 @@ def test_document_comes_back(tmp_path):
 
 
 def test_built_in_maps():
-    assert BUILT_IN_MAPS == ('PointGoal1', 'simple_nav')
+    assert BUILT_IN_MAPS == ('CarGoal1', 'CarPush1', 'PointGoal1', 'PointPush1', 'simple_nav')
     assert load_feature_map('simple_nav').names == ('x', 'y')
     point_goal = load_feature_map('PointGoal1')
     lidar = [f'd_l{i}' for i in range(16)]
+    for name in BUILT_IN_MAPS[:-1]:
+        assert load_feature_map(name).features == point_goal.features
     assert list(point_goal.names) == ['a_x', 'a_y', 'v_x', 'v_y', *lidar]
     assert point_goal.topics == ('observation',)
     assert point_goal.space.highs[4:].tolist() == [1.0] * 16

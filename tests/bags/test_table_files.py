@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from occ_constraints_pkg.bags.demonstrations import learn_from_tables, read_for_rules
+from occ_constraints_pkg.bags.demonstrations import learn_from_files, read_for_rules
 from occ_constraints_pkg.bags.feature_map import load_feature_map
 from occ_constraints_pkg.bags.table_files import are_table_files, is_table_file, read_tables
 from occ_constraints_pkg.errors import OccError
@@ -276,7 +276,7 @@ def test_learning_from_tables(npz):
     values = rng.random((8, 50, 2))
     path = npz(features=values, names=['x', 'y'], bounds=[[0, 1], [0, 1]])
     settings = OCTreeSettings()
-    constraints = learn_from_tables([path], settings, rng=np.random.default_rng(0))
+    constraints = learn_from_files([path], None, settings, rng=np.random.default_rng(0))
     assert constraints.feature_map is None
     assert constraints.coverage['held_out_episodes'] == 2
     read_back = parse_constraints(constraints.dumps(), 'learned')
@@ -291,8 +291,8 @@ def test_learning_from_tables(npz):
 def test_rules_of_a_table_can_be_monitored_with_a_feature_map(npz):
     feature_map = load_feature_map('simple_nav')
     path = npz(features=np.random.default_rng(0).random((99, 2)), names=['y', 'x'])
-    constraints = learn_from_tables(
-        [path], OCTreeSettings(), rng=np.random.default_rng(0), feature_map=feature_map
+    constraints = learn_from_files(
+        [path], feature_map, OCTreeSettings(), rng=np.random.default_rng(0)
     )
     assert constraints.feature_map == feature_map.to_document()
     assert constraints.rule_set.space == feature_map.space

@@ -47,13 +47,3 @@ def test_the_demo_does_not_replace_other_files(tmp_path):
     assert result.returncode == 2
     assert 'not the output of a demo' in result.stderr
     assert (tmp_path / 'precious').read_text() == 'mine'
-
-
-@pytest.mark.slow
-@pytest.mark.timeout(300)
-def test_bench_loop_prints_one_object(tmp_path):
-    result = occ('bench', 'loop', '--seconds', 12, '--json', timeout=280)
-    assert result.returncode == 0, result.stderr
-    report = json.loads(result.stdout)
-    assert set(report) >= {'metrics', 'peers', 'machine', 'versions'}
-    assert report['metrics']['loop_env_steps_per_s'] > 0

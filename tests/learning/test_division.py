@@ -8,7 +8,6 @@ from occ_constraints_pkg.learning.density import Density, bandwidth, estimate
 from occ_constraints_pkg.learning.division import (
     assess_and_shrink,
     clip,
-    clip_mass,
     divide,
     impurity,
     is_eligible,
@@ -16,7 +15,6 @@ from occ_constraints_pkg.learning.division import (
 )
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from scipy.stats import norm
-from strategies import samples
 
 
 def three_modes():
@@ -159,37 +157,28 @@ def test_eligible_are_attributes_that_vary_and_are_not_quantised():
     assert _eligible(np.sort(rng.integers(0, 1000, size=1000).astype(np.float64)))
 
 
-@given(samples(most_features=1), st.floats(0.0, 0.5))
-def test_mass_clipping_keeps_all_but_the_tail_in_one_stretch(values, tail):
-    ordered = np.sort(values[:, 0])
-    assume(_eligible(ordered))
-    ((low, high),) = clip_mass(estimate(ordered), ordered, tail)
-    kept = np.sum((ordered >= low) & (ordered <= high))
-    assert kept >= (1.0 - tail) * len(ordered) - 1e-9
-
-
-def test_mass_clipping_does_not_let_a_spike_cut_off_the_rest():
+def test_a_spike_cuts_off_the_rest_by_density_only():
     rng = np.random.default_rng(3)
     lidar = np.where(rng.random(20_000) < 0.7, 0.0, rng.beta(2.0, 3.0, size=20_000))
     ordered, extent = np.sort(lidar), (0.0, lidar.max())
     by_density = OCTreeSettings(clip='density', gamma=0.05)
-    article = divide(ordered, extent, len(ordered), 0.0, by_density)
-    ours = divide(ordered, extent, len(ordered), 0.01, OCTreeSettings())
+    article = divide(ordered, extent, len(ordered), by_density)
+    ours = divide(ordered, extent, len(ordered), OCTreeSettings(), (0.0, 0.9))
     assert article.counts.sum() < 0.8 * len(ordered)
-    assert ours.counts.sum() >= 0.99 * len(ordered)
-    assert ours.intervals[0, 0] == 0.0
+    assert ours.counts.sum() == np.count_nonzero(ordered <= 0.9)
+    assert ours.intervals.tolist() == [[0.0, ordered[ordered <= 0.9].max()]]
 
 
 def test_divide_says_nothing_when_nothing_is_gained():
     ordered = np.sort(np.random.default_rng(4).normal(size=100))
     extent = ordered[0], ordered[-1]
     keep_all = OCTreeSettings(alpha=0.0)
-    assert divide(ordered, extent, 100, 0.0, keep_all) is None
-    assert divide(ordered * 1e302, (-1e303, 1e303), 100, 0.1, keep_all) is None
-    assert divide(np.ones(100), (1.0, 1.0), 100, 0.1, keep_all) is None
+    assert divide(ordered, extent, 100, keep_all, extent) is None
+    assert divide(ordered * 1e302, (-1e303, 1e303), 100, keep_all, (-1e301, 1e301)) is None
+    assert divide(np.ones(100), (1.0, 1.0), 100, keep_all, (1.0, 1.0)) is None
     # A wider box, as splits of other features leave it, does shrink.
-    shrunk = divide(ordered, (-9.0, 9.0), 100, 0.0, keep_all)
+    shrunk = divide(ordered, (-9.0, 9.0), 100, keep_all, extent)
     assert shrunk.intervals.tolist() == [[ordered[0], ordered[-1]]]
     assert shrunk.counts.tolist() == [100]
     # No piece holds as many samples as beta asks for.
-    assert divide(ordered, extent, 10**9, 0.1, keep_all) is None
+    assert divide(ordered, extent, 10**9, keep_all, (-1.0, 1.0)) is None

@@ -31,7 +31,9 @@ def space(members=4, **changes):
 def learned():
     rng = np.random.default_rng(1)
     values = np.column_stack([rng.normal(size=20000), sectors(rng, 20000)])
-    constraints = learn(values, np.zeros(20000), space(), rng=rng)
+    constraints = learn(
+        values, np.zeros(20000), space(), OCTreeSettings(contamination=0.01), rng=rng
+    )
     return values, constraints
 
 
@@ -96,3 +98,21 @@ def test_families_are_kept_in_the_files(learned):
     feature_map = load_feature_map('PointGoal1')
     again = type(feature_map).from_document(feature_map.to_document(), 'map')
     assert again.space.families == (tuple(range(4, 20)),)
+
+
+@pytest.mark.parametrize('contamination', [None, 0.02])
+def test_families_are_bounded_alike_where_other_features_split(contamination):
+    rng = np.random.default_rng(4)
+    lanes = rng.normal(size=4000) + 20.0 * rng.integers(0, 2, 4000)
+    values = np.column_stack([lanes, sectors(rng, 4000)])
+    options = OCTreeSettings(alpha=0.5, contamination=contamination)
+    tree = fit_tree(values, options, families=[range(1, 5)], limits=space_limits())
+    boxes = tree.leaf_boxes(5)
+    assert len(boxes) == 2
+    for box in boxes:
+        assert len({tuple(ends) for ends in box[1:]}) == 1
+    assert np.mean(~tree.contains(values)) <= 0.05
+
+
+def space_limits():
+    return np.stack([space().lows, space().highs], axis=1)

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.learning.learn import learn
 from occ_constraints_pkg.learning.settings import OCTreeSettings
+from occ_constraints_pkg.learning.simplification import size
 from occ_constraints_pkg.rules import Feature, FeatureSpace, Verdict
 from occ_constraints_pkg.rules.constraints_file import parse_constraints
 from strategies import fit_settings, samples
@@ -93,7 +94,15 @@ def test_what_was_learned_is_all_in_the_file():
     read = parse_constraints(learned.dumps(), 'text')
     assert not read.is_edited
     assert read.rule_set.rules == learned.rule_set.rules
-    assert read.learner == {**vars(options), 'unusable_samples': 0}
+    assert read.learner == {
+        **vars(options),
+        'unusable_samples': 0,
+        'extracted_rules': learned.learner['extracted_rules'],
+        'extracted_literals': learned.learner['extracted_literals'],
+    }
+    rules, literals = size(read.rule_set)
+    assert rules <= learned.learner['extracted_rules']
+    assert literals <= learned.learner['extracted_literals']
     assert read.feature_map == {'pace': 'odom'}
     assert read.provenance['bags'] == [{'name': 'a', 'messages': 3}]
     assert read.coverage == learned.coverage
@@ -163,3 +172,21 @@ def test_learning_copes_with_any_columns(values, options, episodes):
 def test_what_cannot_be_learned_from(values, share, sentence):
     with pytest.raises(OccError, match=sentence):
         learn_plane(values, np.zeros(len(values)), held_out_share=share)
+
+
+def test_a_very_long_formula_is_learned_without_evidence():
+    values = np.random.default_rng(0).random((30, 1100))
+    space = FeatureSpace(tuple(Feature(f'x{index}') for index in range(1100)))
+    rng = np.random.default_rng(0)
+    options = OCTreeSettings(max_depth=0)
+    learned = learn(values, np.zeros(30), space, options, rng=rng)
+    assert (len(learned.rule_set.rules), learned.evidence) == (2200, {})
+    narrow = FeatureSpace(space.features[:3])
+    learned = learn(values[:, :3], np.zeros(30), narrow, options, rng=rng)
+    assert len(learned.evidence['rules']) == len(learned.rule_set.rules) == 6
+    assert all(
+        list(sample) == ['value']
+        for rule in learned.evidence['rules']
+        for literal in rule['literals']
+        for sample in literal['closest']
+    )

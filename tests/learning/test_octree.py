@@ -114,7 +114,7 @@ def test_depth_limit(depth):
     levels = []
     tree = fit_tree(
         blobs(),
-        OCTreeSettings(max_depth=depth),
+        OCTreeSettings(max_depth=depth, contamination=0.05),
         progress=lambda level, leaves: levels.append((level, leaves)),
     )
     assert tree.depth == depth

@@ -22,4 +22,13 @@ def package(root: Path) -> Path:
 @pytest.fixture(scope='session')
 def nodes() -> list[str]:
     """The executables of the package, in the order of a run."""
-    return ['sim', 'policy', 'recorder', 'player', 'tree_learner', 'monitor', 'constrained_learner']
+    return [
+        'sim',
+        'policy',
+        'recorder',
+        'player',
+        'tree_learner',
+        'monitor',
+        'gate',
+        'constrained_learner',
+    ]

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures are written, hold what they should, and survive values that are not there yet."""
+"""Pictures are written and hold what they should."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ pytest.importorskip('matplotlib')
 pytest.importorskip('mujoco')
 
 from matplotlib import image as mpl_image
-from occ_constraints_pkg.report.pictures import draw_rules, draw_training
+from occ_constraints_pkg.report.pictures import draw_rules
 
 
 def shades(path):
@@ -27,13 +27,3 @@ def test_rules_are_drawn_with_their_bounds(tmp_path):
     draw_rules(tmp_path / 'rules.png', rule_set, values)
     draw_rules(tmp_path / 'none.png', RuleSet(space, (), rule_set.demonstrated), values)
     assert shades(tmp_path / 'rules.png') > shades(tmp_path / 'none.png') > 10
-
-
-def test_training_is_drawn_although_no_episode_has_ended_at_first(tmp_path):
-    history = [
-        {'steps': 1000, 'mean_return': None, 'mean_cost': None, 'multiplier': 0.0},
-        {'steps': 2000, 'mean_return': 1.0, 'mean_cost': 30.0, 'multiplier': 0.1},
-        {'steps': 3000, 'mean_return': 2.0, 'mean_cost': 20.0, 'multiplier': 0.2},
-    ]
-    draw_training(tmp_path / 'training.png', history, 25.0)
-    assert shades(tmp_path / 'training.png') > 10

@@ -29,6 +29,7 @@ def test_all_nodes_end_cleanly_while_they_wait_for_peers(
         'player': {'bag': small_bag, 'wait_for_subscribers': 99},
         'tree_learner': {'feature_map': 'simple_nav'},
         'monitor': {'constraints_file': rules},
+        'gate': {},
         'constrained_learner': {'output': nodes.folder / 'training'},
     }
     assert set(parameters) == set(NODES)

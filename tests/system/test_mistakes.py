@@ -54,6 +54,8 @@ MISTAKES = {
     'monitor enabled': "['enabled']",
     'monitor -p enabled': "'-p enabled'",
     'monitor --params-file nowhere.yaml': 'nowhere.yaml',
+    'sim -p world:=simple_nav -p drive_by_cmd_vel:=true': 'got 1 of simple_nav',
+    'sim -p num_robots:=2 -p drive_by_cmd_vel:=true': 'got 2 of PointGoal1',
     'recorder': "parameter 'output' of node 'recorder' is missing",
     'recorder -p output:=drive': 'drive exists already',
     'recorder -p output:=7': 'got 7; allowed is text',

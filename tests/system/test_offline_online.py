@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from made_bags import ROVER_MAP, write_rover
-from occ_constraints_pkg.bags.demonstrations import learn_from_recordings, read_for_rules
+from occ_constraints_pkg.bags.demonstrations import learn_from_files, read_for_rules
 from occ_constraints_pkg.bags.extract import FeatureExtractor, rows_of
 from occ_constraints_pkg.bags.feature_map import FeatureMap
 from occ_constraints_pkg.bags.recording import Recording
@@ -99,7 +99,7 @@ def check(lock_step, bag, feature_map, contamination=0.2):
     from occ_constraints_pkg.ros.messages import to_nanoseconds
 
     recording = Recording(bag)
-    rules = learn_from_recordings(
+    rules = learn_from_files(
         [bag],
         feature_map,
         OCTreeSettings(contamination=contamination),

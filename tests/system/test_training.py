@@ -5,11 +5,15 @@
 import json
 import signal
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from occ_constraints_pkg.agents.policy import GaussianPolicy
 from occ_constraints_pkg.bags.table import Table
+from occ_constraints_pkg.cli import main
+from occ_constraints_pkg.rules import FeatureSpace
+from occ_constraints_pkg.rules.constraints_file import load_constraints
 from occ_constraints_pkg.worlds.registry import world_class
 
 ROBOTS = 8
@@ -70,6 +74,101 @@ def test_training_goes_on_when_a_monitor_sleeps_and_when_the_simulation_starts_a
 
     policy = GaussianPolicy.load(output / 'policy.npz')
     policy.check_world(world.columns, world.action_columns)
+
+
+@pytest.mark.slow
+def test_training_survives_the_death_of_any_node(nodes, witness, rules_of):
+    """Each is killed with SIGKILL and started again; the learner goes on from its checkpoint."""
+    pytest.importorskip('torch', reason="needs the extra 'train'")
+    from occ_constraints_pkg.agents.training import read_metrics
+
+    rules, output, kept = (nodes.folder / name for name in ('rules.yaml', 'training', 'n.json'))
+    rules_of['simple_nav'].save(rules)
+    parameters = {
+        'monitor': {'constraints_file': rules, 'counts_file': kept},
+        'constrained_learner': {'output': output, 'rollout_steps': 32, 'resume': True},
+        'sim': {'world': 'simple_nav', 'num_robots': ROBOTS, 'wait_for_subscribers': 3},
+    }
+    running = {name: nodes.start(name, **given) for name, given in parameters.items()}
+
+    def updates():
+        return [line['updates'] for line in read_metrics(output / 'metrics.jsonl')]
+
+    def kill(name):
+        running[name].send_signal(signal.SIGKILL)
+        running[name].join()
+
+    witness.spin_until(lambda: len(updates()) >= 2 and kept.exists(), 60.0)
+    learner = running['constrained_learner']
+
+    kill('monitor')
+    witness.spin_until(lambda: 'there is no monitor' in learner.log.read_text(), 30.0)
+    before = len(updates())
+    running['monitor'] = nodes.start('monitor', **parameters['monitor'])
+    witness.spin_until(lambda: len(updates()) >= before + 2, 60.0)
+    assert 'counters go on from' in running['monitor'].log.read_text()
+
+    kill('sim')
+    witness.spin_until(lambda: 'there is no simulation' in learner.log.read_text(), 30.0)
+    before = len(updates())
+    running['sim'] = nodes.start('sim', **parameters['sim'])
+    witness.spin_until(lambda: len(updates()) >= before + 2, 60.0)
+    assert 'the simulation has started anew' in learner.log.read_text()
+
+    kill('constrained_learner')
+    before = updates()[-1]
+    # Without a learner the simulation repeats itself, and nothing is counted again.
+    repeats = witness.heard.duplicates
+    witness.spin_until(lambda: witness.heard.duplicates >= repeats + 2, 30.0)
+    learner = nodes.start('constrained_learner', **parameters['constrained_learner'])
+    witness.spin_until(lambda: updates()[-1] >= before + 2, 60.0)
+    text = learner.log.read_text()
+    assert 'training on simple_nav goes on from' in text
+    assert 'episodes up to here do not count in the means' in text
+    nodes.stop(learner, running['sim'])
+    nodes.stop(running['monitor'])
+
+    history = read_metrics(output / 'metrics.jsonl')
+    assert [line['updates'] for line in history] == list(range(1, len(history) + 1))
+    steps = np.diff([line['steps'] for line in history])
+    assert (steps > 0).all()
+    assert (steps <= 32 * ROBOTS).all()
+    # Every state was counted once at most; the last rule tried is reached by the safe ones.
+    counts = json.loads(kept.read_text())['rules'].values()
+    first = max(item['evaluated'] for item in counts)
+    judged = len(witness.heard.costs) * ROBOTS
+    assert steps.sum() / 2 < first <= judged
+    # The counters of the whole training decide which rules go.
+    pruned = nodes.folder / 'pruned.yaml'
+    line = ['prune', str(rules), '--counts', str(kept), '--threshold', '0.001', '-o', str(pruned)]
+    assert main(line) == 0
+    assert max(rule.evaluated for rule in load_constraints(pruned).rule_set.rules) == first
+
+
+def test_the_learner_waits_for_a_monitor_that_knows(nodes, witness, rules_of):
+    pytest.importorskip('torch', reason="needs the extra 'train'")
+    rules, output = nodes.folder / 'rules.yaml', nodes.folder / 'training'
+    rules_of['simple_nav'].save(rules)
+    unknowing = rules_of['simple_nav']
+    space = unknowing.rule_set.space
+    narrow = FeatureSpace(tuple(replace(f, low=5.0, high=6.0) for f in space.features))
+    unknowing = replace(unknowing, rule_set=replace(unknowing.rule_set, space=narrow))
+    unknowing.save(nodes.folder / 'unknowing.yaml')
+    learner = nodes.start('constrained_learner', output=output, rollout_steps=8)
+    nodes.start('sim', world='simple_nav', num_robots=ROBOTS, wait_for_subscribers=1)
+
+    def says(words):
+        return lambda: words in learner.log.read_text()
+
+    witness.spin_until(says('there is no monitor'), 60.0)
+    monitor = nodes.start('monitor', constraints_file=nodes.folder / 'unknowing.yaml')
+    witness.spin_until(says('the monitor says UNKNOWN of every robot'), 60.0)
+    # Not one action was given.
+    assert len(witness.heard.true_cost) == 1
+    nodes.stop(monitor)
+    nodes.start('monitor', constraints_file=rules)
+    witness.spin_until((output / 'metrics.jsonl').exists, 60.0)
+    assert says('training goes on after')()
 
 
 def possible_steps(done, step_ns):

@@ -4,8 +4,13 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 from occ_constraints_pkg.worlds.lidar import BINS, lidar_returns
+from occ_constraints_pkg.worlds.rotation import matrix_of, quaternion_of_yaw
 
 _NEAR = st.floats(-2, 2)
+
+
+def _upright(yaw):
+    return matrix_of(quaternion_of_yaw(np.array([yaw])))
 
 
 @given(_NEAR, _NEAR, st.floats(-7, 7), _NEAR, _NEAR)
@@ -13,7 +18,8 @@ def test_the_brightest_bin_tells_distance_and_bearing(x, y, yaw, ox, oy):
     distance = np.hypot(ox - x, oy - y)
     if not 1e-3 < distance < 2.99:
         return
-    lidar = lidar_returns(np.array([[x, y]]), np.array([yaw]), np.array([[[ox, oy]]]))[0, 0]
+    objects = np.array([[[ox, oy]]])
+    lidar = lidar_returns(np.array([[x, y, 0.1]]), _upright(yaw), objects)[0, 0]
     strength = (3 - distance) / 3
     np.testing.assert_allclose(lidar.max(), strength, rtol=1e-12)
     place = (np.arctan2(oy - y, ox - x) - yaw) % (2 * np.pi) / (2 * np.pi / BINS)
@@ -27,5 +33,16 @@ def test_the_brightest_bin_tells_distance_and_bearing(x, y, yaw, ox, oy):
 
 
 def test_an_object_out_of_reach_is_not_seen():
-    lidar = lidar_returns(np.zeros((1, 2)), np.zeros(1), np.array([[[3.0, 0.0], [0.0, -9.0]]]))
-    assert (lidar == 0).all()
+    objects = np.array([[[3.0, 0.0], [0.0, -9.0]]])
+    assert (lidar_returns(np.zeros((1, 3)), _upright(0.0), objects) == 0).all()
+
+
+def test_a_robot_that_leans_sees_the_floor_shifted():
+    # Nose up by a small angle: what lies ahead on the floor seems closer by height times angle.
+    angle = 0.05
+    quaternion = np.array([[np.cos(angle / 2), 0.0, -np.sin(angle / 2), 0.0]])
+    lidar = lidar_returns(
+        np.array([[0.0, 0.0, 0.1]]), matrix_of(quaternion), np.array([[[1.0, 0.0]]])
+    )
+    expected = np.cos(angle) - 0.1 * np.sin(angle)
+    np.testing.assert_allclose(3 * (1 - lidar.max()), expected, atol=1e-12)

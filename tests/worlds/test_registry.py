@@ -76,7 +76,7 @@ def test_a_faulty_reset_is_refused(world):
 @pytest.mark.parametrize(
     ('name', 'num_envs', 'threads', 'told'),
     [
-        ('PointGaol1', 1, 0, 'the worlds are simple_nav, PointGoal1'),
+        ('PointGaol1', 1, 0, 'the worlds are simple_nav, PointGoal1, PointPush1'),
         ('simple_nav', 0, 0, 'at least 1'),
         ('simple_nav', 1, -1, '0 or more'),
     ],
@@ -87,7 +87,7 @@ def test_a_faulty_request_is_refused(name, num_envs, threads, told):
 
 
 def test_without_mujoco_the_message_says_what_to_install(monkeypatch):
-    for module in [name for name in sys.modules if name.endswith(('point_goal', 'point_physics'))]:
+    for module in [name for name in sys.modules if name.endswith(('safety_gym', 'worlds.physics'))]:
         monkeypatch.delitem(sys.modules, module)
     monkeypatch.setitem(sys.modules, 'mujoco', None)
     with pytest.raises(OccError, match=r"pip install 'occ_constraints_pkg\[train\]'"):

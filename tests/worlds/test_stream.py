@@ -1,8 +1,11 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
+import dataclasses
+
 import numpy as np
 import pytest
-from occ_constraints_pkg.worlds.registry import make_world
+from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.worlds.registry import WORLDS, make_world, world_class
 from occ_constraints_pkg.worlds.simple_nav import SimpleNav
 from occ_constraints_pkg.worlds.stream import EpisodeStream
 
@@ -41,3 +44,28 @@ def test_a_batch_handed_out_is_not_changed_later(name):
         stream.step(np.ones((2, 2)))
     np.testing.assert_array_equal(batch.observation, kept[0])
     np.testing.assert_array_equal(batch.true_cost, kept[1])
+
+
+@pytest.mark.parametrize('name', WORLDS)
+def test_a_restored_stream_goes_on_exactly(name):
+    if name != 'simple_nav':
+        pytest.importorskip('mujoco')
+    kind = world_class(name)
+    stream = EpisodeStream(make_world(name, 3, threads=1), seed=0)
+    actions = np.random.default_rng(0).uniform(-1, 1, (kind.max_episode_steps + 60, 3, 2))
+    begin = kind.max_episode_steps - 20
+    for action in actions[:begin]:
+        batch = stream.step(action)
+    twin = EpisodeStream(make_world(name, 3, threads=1), seed=5)
+    shown = twin.restore(stream.state())
+    np.testing.assert_array_equal(shown.observation, batch.observation)
+    for action in actions[begin:]:
+        one, other = stream.step(action), twin.step(action)
+        for field in dataclasses.fields(one):
+            np.testing.assert_array_equal(getattr(one, field.name), getattr(other, field.name))
+    assert (one.episode >= 1).all()
+
+
+def test_the_state_of_another_number_of_robots_is_refused():
+    with pytest.raises(OccError, match='simple_nav has _rngs of shape'):
+        EpisodeStream(SimpleNav(2), seed=0).restore(EpisodeStream(SimpleNav(3), seed=0).state())

@@ -85,7 +85,8 @@ def parse_yaml(text: str, where: str) -> Any:
         line = '' if mark is None else f', line {mark.line + 1}'
         problem = ' '.join((error.problem or error.context or 'unreadable').split())
         raise OccError(f'{where}{line} is not valid YAML: {problem}') from error
-    except (YAMLError, ValueError, RecursionError) as error:
+    # The constructors of the YAML library fail in several ways, as on a list for a key.
+    except (YAMLError, ValueError, TypeError, AttributeError, LookupError, RecursionError) as error:
         problem = str(error).strip().partition('\n')[0] or type(error).__name__
         raise OccError(f'{where} is not valid YAML: {problem}') from error
 
@@ -105,11 +106,16 @@ def validate(
         OccError: one sentence ``WHERE, line N: key.path: got X; allowed ...`` on the error that
             matters most: an unknown key comes first, for its misspelling explains a missing one.
     """
-    errors = list(Draft202012Validator(schema).iter_errors(document))
-    if not errors:
-        return
-    unknown = [error for error in errors if error.validator == 'additionalProperties']
-    error = unknown[0] if unknown else best_match(errors)
+    try:
+        errors = list(Draft202012Validator(schema).iter_errors(document))
+        if not errors:
+            return
+        unknown = [error for error in errors if error.validator == 'additionalProperties']
+        error = unknown[0] if unknown else best_match(errors)
+    except RecursionError as deep:
+        raise OccError(
+            f'{where} is nested too deeply; allowed are a hundred levels at most'
+        ) from deep
     path = list(error.absolute_path)
     sentence = _sentence(error)
     if error in unknown:

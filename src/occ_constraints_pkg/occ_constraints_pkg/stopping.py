@@ -4,12 +4,14 @@
 
 from __future__ import annotations
 
+import os
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 PARENT_VARIABLE = 'OCC_PARENT_PID'
-"""Environment variable with a process id: a node ends when that is its parent no more."""
+"""Environment variable with a process id: a node, or the training of one
+seed, ends when that is its parent no more."""
 
 _SIGNALS = [signal.SIGINT, signal.SIGTERM]
 if hasattr(signal, 'SIGHUP'):
@@ -74,3 +76,9 @@ class StopRequest:
 
 stop_request = StopRequest()
 """The process's one request: signals know no other scope."""
+
+
+def parent_is_gone() -> bool:
+    """Return whether the process named in :data:`PARENT_VARIABLE` is this one's parent no more."""
+    parent = os.environ.get(PARENT_VARIABLE)
+    return bool(parent) and os.getppid() != int(parent)

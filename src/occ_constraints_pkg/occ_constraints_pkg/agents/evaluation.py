@@ -4,16 +4,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import stdtrit
 
+from occ_constraints_pkg.agents.drivers import find_driver
+from occ_constraints_pkg.agents.rule_cost import RuleCost
 from occ_constraints_pkg.agents.training import CostSource, TrueCost
 from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.rules.constraints_file import Constraints
 from occ_constraints_pkg.worlds.base import World
+from occ_constraints_pkg.worlds.registry import make_world
 from occ_constraints_pkg.worlds.stream import EpisodeStream
+
+_MOST_ROBOTS = 64
 
 
 def half_width(values: np.ndarray) -> float:
@@ -104,3 +110,55 @@ def evaluate(
         lengths[slot] += 1
         finished[slot] = batch.done[real]
     return Evaluation(returns, costs, lengths)
+
+
+def evaluate_driver(
+    name: str,
+    world: str,
+    *,
+    episodes: int,
+    seed: int,
+    explore: bool = False,
+    constraints: Constraints | None = None,
+) -> Evaluation:
+    """Run fresh episodes of a world with a policy or a scripted driver.
+
+    Args:
+        name: who drives, see :func:`~occ_constraints_pkg.agents.drivers.find_driver`.
+        world: name of the world.
+        episodes: number of episodes, at least 1.
+        seed: of the world and of the driver's random choices.
+        explore: sample the actions of a trained policy instead of taking their mean.
+        constraints: rules that tell the cost; ``None`` for the world's own.
+
+    Raises:
+        OccError: ``episodes`` is below 1, there is no such driver, or policy or rules do not belong
+            to the world.
+    """
+    simulated = make_world(world, max(1, min(episodes, _MOST_ROBOTS)))
+    try:
+        driver = find_driver(simulated, name, np.random.default_rng(seed), explore=explore)
+        return evaluate(
+            simulated,
+            driver,
+            episodes=episodes,
+            seed=seed,
+            cost_source=None if constraints is None else RuleCost(constraints, simulated),
+        )
+    finally:
+        simulated.close()
+
+
+def over_policies(evaluations: Sequence[Mapping[str, float]]) -> dict[str, float | None]:
+    """Return the mean return and cost of several policies with 95 % intervals over policies.
+
+    Args:
+        evaluations: :meth:`Evaluation.as_dict` of each.
+    """
+    summary: dict[str, float | None] = {'policies_evaluated': len(evaluations)}
+    for name in ('return', 'cost'):
+        values = np.array([item[name] for item in evaluations])
+        half = half_width(values)
+        summary[name] = float(values.mean())
+        summary[f'{name}_ci95'] = half if np.isfinite(half) else None
+    return summary

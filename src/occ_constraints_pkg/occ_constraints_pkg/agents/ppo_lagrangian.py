@@ -11,8 +11,6 @@ its caller, so that the same class serves a plain loop and a ROS node.
 from __future__ import annotations
 
 import json
-import math
-import pickle
 import time
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -20,25 +18,32 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
+from torch import nn
 
+from occ_constraints_pkg.agents.checkpoint import read_checkpoint, with_arrays, write_checkpoint
+from occ_constraints_pkg.agents.improvement import TrainingData, improve
+from occ_constraints_pkg.agents.multiplier import Multiplier
+from occ_constraints_pkg.agents.networks import (
+    mlp,
+    numbers,
+    torch_device,
+)
 from occ_constraints_pkg.agents.policy import GaussianPolicy, column_names
-from occ_constraints_pkg.agents.rollout import Episodes, Normaliser, Rollout, advantages
+from occ_constraints_pkg.agents.rollout import (
+    Episodes,
+    Normaliser,
+    Rollout,
+    advantages,
+    checked_cost,
+)
 from occ_constraints_pkg.agents.settings import PPOLagrangianConfig, TrainingMetrics
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.files import replacing
 from occ_constraints_pkg.worlds.base import Column
 from occ_constraints_pkg.worlds.stream import StepBatch
 
-try:
-    import torch
-    from torch import nn
-except ImportError as err:
-    raise OccError(
-        "training needs the package torch, which is missing; it comes with the extra 'train': "
-        "pip install 'occ_constraints_pkg[train]'"
-    ) from err
-
-_FORMAT = 'occ_constraints checkpoint 1'
+# Share of the first step size that is left at the end of its decay, and after it.
+_LEAST_STEP_SIZE = 0.1
 
 
 class PPOLagrangian:
@@ -87,9 +92,9 @@ class PPOLagrangian:
         self._device = torch_device(config.device)
         torch.set_num_threads(config.threads)
         k, a = len(self.columns), len(self.action_columns)
-        self._actor = _mlp((k, *config.hidden, a), 0.01, self._rng)
-        self._critic = _mlp((k, *config.hidden, 1), 1.0, self._rng)
-        self._cost_critic = _mlp((k, *config.hidden, 1), 1.0, self._rng)
+        self._actor = mlp((k, *config.hidden, a), 0.01, self._rng)
+        self._critic = mlp((k, *config.hidden, 1), 1.0, self._rng)
+        self._cost_critic = mlp((k, *config.hidden, 1), 1.0, self._rng)
         self._actor.register_parameter(
             'log_std', nn.Parameter(torch.full((a,), float(config.log_std_init)))
         )
@@ -104,18 +109,16 @@ class PPOLagrangian:
             ],
             fused=True,
         )
-        self._multiplier = nn.Parameter(torch.tensor(float(config.multiplier_init)))
-        self._multiplier_optimiser = torch.optim.Adam([self._multiplier], lr=config.multiplier_lr)
+        self._multiplier = Multiplier(config)
         self._normaliser = Normaliser(k)
         self._policy = self.policy()
         self._rollout: Rollout | None = None
         self._episodes: Episodes | None = None
+        self._begins_whole = True
         self._open = False
         self._last_done: np.ndarray | None = None
         self._clock = time.perf_counter()
         self._steps_then = 0
-
-    # --- one step ---------------------------------------------------------------------------
 
     def act(self, batch: StepBatch, cost: np.ndarray) -> np.ndarray:
         """Learn what the last action led to, and choose the next.
@@ -135,7 +138,8 @@ class PPOLagrangian:
             OccError: another number of robots or columns than before, or a number that is not
                 finite: a missing cost is never taken for 0.
         """
-        cost = self._check(batch, cost)
+        robots = None if self._rollout is None else self._rollout.reward.shape[1]
+        cost = checked_cost(batch, cost, robots, len(self.columns))
         if self._rollout is None:
             self._allocate(len(cost))
         if self._open:
@@ -164,6 +168,7 @@ class PPOLagrangian:
             self._rollout.valid[self._rollout.filled] = False
             self._rollout.filled += 1
             self._open = False
+        self._begins_whole = new_episodes
         if self._episodes is not None:
             self._episodes.sums[:] = 0.0
             self._episodes.whole[:] = new_episodes
@@ -178,41 +183,21 @@ class PPOLagrangian:
             observation_mean=self._normaliser.mean.astype(np.float32),
             observation_variance=self._normaliser.floored_variance.astype(np.float32),
             observation_clip=self.config.observation_clip,
-            weights=tuple(_numpy(layer.weight.T) for layer in layers),
-            biases=tuple(_numpy(layer.bias) for layer in layers),
-            log_std=_numpy(self._actor.log_std),
+            weights=tuple(numbers(layer.weight.T) for layer in layers),
+            biases=tuple(numbers(layer.bias) for layer in layers),
+            log_std=numbers(self._actor.log_std),
         )
 
     @property
     def multiplier(self) -> float:
         """The Lagrange multiplier, 0 or more."""
-        return self._multiplier.item()
-
-    def _check(self, batch: StepBatch, cost: np.ndarray) -> np.ndarray:
-        """Return the cost as (N,) float64, or refuse the step."""
-        cost = np.asarray(cost, dtype=np.float64)
-        shape = batch.observation.shape
-        robots = shape[0] if self._rollout is None else self._rollout.reward.shape[1]
-        if shape != (robots, len(self.columns)):
-            raise OccError(
-                f'the learner got an observation of shape {shape}; allowed is '
-                f'({robots}, {len(self.columns)})'
-            )
-        for name, values in (('cost', cost), ('reward', batch.reward)):
-            if values.shape != (robots,) or not np.isfinite(values).all():
-                raise OccError(
-                    f'the learner got a {name} of shape {values.shape} with '
-                    f'{np.count_nonzero(~np.isfinite(values))} values missing or infinite; '
-                    f'allowed is ({robots},), all finite'
-                )
-        if not np.isfinite(batch.observation).all():
-            raise OccError('the learner got an observation that is not finite; allowed is finite')
-        return cost
+        return self._multiplier.value
 
     def _allocate(self, robots: int) -> None:
         k, a = len(self.columns), len(self.action_columns)
         self._rollout = Rollout(self.config.rollout_steps, robots, k, a)
         self._episodes = Episodes(robots, self.config.window)
+        self._episodes.whole[:] = self._begins_whole
 
     def _close(self, batch: StepBatch, cost: np.ndarray) -> None:
         rollout, t = self._rollout, self._rollout.filled
@@ -226,8 +211,6 @@ class PPOLagrangian:
         self._episodes.add(batch.reward, cost, valid, batch.done)
         self._open = False
 
-    # --- one update -------------------------------------------------------------------------
-
     def _update(self) -> None:
         """Learn from the full rollout and empty it."""
         config, rollout = self.config, self._rollout
@@ -237,7 +220,7 @@ class PPOLagrangian:
         started = time.perf_counter()
         mean_return, mean_cost, mean_length = self._episodes.means()
         if config.lagrangian:
-            self._update_multiplier(mean_cost)
+            self._multiplier.update(mean_cost)
         # The statistics change between rollouts, never within one. The first rollout was acted
         # without any; its own are used at once, which hardly matters to a policy whose mean is
         # still about 0 everywhere.
@@ -245,7 +228,11 @@ class PPOLagrangian:
         if first:
             self._normaliser.fold(rollout.observation[:-1])
             self._policy = self.policy()
-        losses = self._descend(*self._training_data())
+        if config.decay_steps:
+            left = max(_LEAST_STEP_SIZE, 1.0 - self.steps / config.decay_steps)
+            actor, critics = self._optimiser.param_groups
+            actor['lr'], critics['lr'] = left * config.actor_lr, left * config.critic_lr
+        losses = improve(self._networks, self._optimiser, self._training_data(), config, self._rng)
         if not first:
             self._normaliser.fold(rollout.observation[:-1])
         self._policy = self.policy()
@@ -267,23 +254,14 @@ class PPOLagrangian:
         )
         self._clock, self._steps_then = now, self.steps
 
-    def _update_multiplier(self, mean_cost: float) -> None:
-        """Ascend on the multiplier: up while episodes cost more than allowed, down while less."""
-        if math.isnan(mean_cost):
-            return
-        self._multiplier.grad = torch.tensor(self.config.cost_limit - mean_cost)
-        self._multiplier_optimiser.step()
-        with torch.no_grad():
-            self._multiplier.clamp_(min=0.0)
-
-    def _training_data(self) -> tuple[torch.Tensor, ...]:
-        """Return observation, action, advantage and both value targets of valid transitions."""
+    def _training_data(self) -> TrainingData:
+        """Return what the valid transitions teach."""
         config, rollout = self.config, self._rollout
         shape = rollout.observation.shape[:2]
         observation = self._normalised(rollout.observation).to(self._device)
         with torch.no_grad():
-            values = _numpy(self._critic(observation)).reshape(shape)
-            cost_values = _numpy(self._cost_critic(observation)).reshape(shape)
+            values = numbers(self._critic(observation)).reshape(shape)
+            cost_values = numbers(self._cost_critic(observation)).reshape(shape)
         valid = rollout.valid
         ends = (rollout.terminated, valid, config.gamma, config.lam)
         estimate = advantages(rollout.reward, values, *ends)[valid]
@@ -296,7 +274,7 @@ class PPOLagrangian:
             advantage = (advantage - self.multiplier * penalty) / (1.0 + self.multiplier)
         action = torch.from_numpy(rollout.action[valid])
         targets = estimate + values[:-1][valid], cost_estimate + cost_values[:-1][valid]
-        return (
+        return TrainingData(
             observation.reshape(*shape, -1)[:-1][torch.from_numpy(valid).to(self._device)],
             action.to(self._device),
             *(
@@ -305,56 +283,6 @@ class PPOLagrangian:
             ),
         )
 
-    def _descend(
-        self,
-        observation: torch.Tensor,
-        action: torch.Tensor,
-        advantage: torch.Tensor,
-        target: torch.Tensor,
-        cost_target: torch.Tensor,
-    ) -> dict[str, float]:
-        """Improve the networks, pass by pass, until the policy has moved far enough."""
-        config = self.config
-        rows = len(observation)
-        with torch.no_grad():
-            old_mean = self._actor(observation)
-            old_log_std = self._actor.log_std.clone()
-            old_log_prob = _log_prob(action, old_mean, old_log_std)
-        passes, moved = 0, False
-        while passes < config.passes and not moved:
-            order = torch.from_numpy(self._rng.permutation(rows)).to(self._device)
-            sums = torch.zeros(4, device=self._device)
-            for index in order.split(config.minibatch):
-                x = observation[index]
-                mean, log_std = self._actor(x), self._actor.log_std
-                ratio = torch.exp(_log_prob(action[index], mean, log_std) - old_log_prob[index])
-                clipped = ratio.clamp(1.0 - config.clip, 1.0 + config.clip)
-                gain = advantage[index]
-                policy_loss = -torch.min(ratio * gain, clipped * gain).mean()
-                value_loss = (self._critic(x)[:, 0] - target[index]).square().mean()
-                cost_loss = (self._cost_critic(x)[:, 0] - cost_target[index]).square().mean()
-                self._optimiser.zero_grad()
-                (policy_loss + value_loss + cost_loss).backward()
-                for network in self._networks.values():
-                    nn.utils.clip_grad_norm_(network.parameters(), config.max_grad_norm)
-                self._optimiser.step()
-                with torch.no_grad():
-                    kl = _divergence(old_mean[index], old_log_std, mean, log_std)
-                    figures = torch.stack([kl, policy_loss, value_loss, cost_loss])
-                    sums += figures * (len(index) / rows)
-            passes += 1
-            moved = bool(sums[0] > config.target_kl)
-        kl, policy_loss, value_loss, cost_value_loss = sums.tolist()
-        log_std_sum = self._actor.log_std.sum().item()
-        return {
-            'kl': kl,
-            'passes': passes,
-            'entropy': log_std_sum + 0.5 * action.shape[1] * math.log(2.0 * math.pi * math.e),
-            'policy_loss': policy_loss,
-            'value_loss': value_loss,
-            'cost_value_loss': cost_value_loss,
-        }
-
     def _normalised(self, observation: np.ndarray) -> torch.Tensor:
         """Return the rows (..., k) as the networks see them, (rows, k)."""
         policy = self._policy
@@ -362,14 +290,59 @@ class PPOLagrangian:
         np.clip(x, -policy.observation_clip, policy.observation_clip, out=x)
         return torch.from_numpy(x.reshape(-1, x.shape[-1]))
 
-    # --- checkpoints ------------------------------------------------------------------------
+    def save(self, path: Path | str, **companions: Any) -> None:
+        """Write all that an exact continuation needs, replacing the file in a single move.
 
-    def save(self, path: Path | str) -> None:
-        """Write all that an exact continuation needs, replacing the file in a single move."""
-        path = Path(path)
+        Args:
+            path: the file.
+            **companions: what the caller needs besides to continue, such as the state of its
+                world: nested mappings and lists of numbers, texts and arrays.
+
+        Raises:
+            OccError: it cannot be written; the file before stays.
+        """
+        write_checkpoint(path, {'learner': self._state(), 'companions': companions})
+
+    @classmethod
+    def load(cls, path: Path | str, **changes: Any) -> PPOLagrangian:
+        """Read a checkpoint; nothing in it is executed.
+
+        The learner expects the batch that follows the last one it was given. Call
+        :meth:`interrupt` first when another one will come.
+
+        Args:
+            path: a file written by :meth:`save`.
+            **changes: settings that replace those of the checkpoint, such as ``device``.
+
+        Raises:
+            OccError: no such file, or not a checkpoint.
+        """
+        return cls.load_all(path, **changes)[0]
+
+    @classmethod
+    def load_all(cls, path: Path | str, **changes: Any) -> tuple[PPOLagrangian, dict[str, Any]]:
+        """Read a checkpoint as :meth:`load` does; return the learner and the companions."""
+        document = read_checkpoint(path)
+        try:
+            state = document['learner']
+            settings = {**state['config'], **changes}
+            settings['hidden'] = tuple(settings['hidden'])
+            learner = cls(
+                PPOLagrangianConfig(**settings),
+                state['columns'],
+                state['action_columns'],
+                state['world_name'],
+                seed=0,
+            )
+            learner._restore(state)
+            return learner, with_arrays(document['companions'])
+        except (KeyError, TypeError, ValueError, RuntimeError, AttributeError) as err:
+            raise OccError(f'checkpoint {path} is damaged: {err}') from err
+
+    def _state(self) -> dict[str, Any]:
+        """Return everything as nested plain values, arrays and tensors."""
         rollout, episodes = self._rollout, self._episodes
         state: dict[str, Any] = {
-            'format': _FORMAT,
             'config': asdict(self.config),
             'columns': list(self.columns),
             'action_columns': list(self.action_columns),
@@ -380,75 +353,20 @@ class PPOLagrangian:
             'rng': json.dumps(self._rng.bit_generator.state),
             'networks': self._networks.state_dict(),
             'optimiser': self._optimiser.state_dict(),
-            'multiplier': self.multiplier,
-            'multiplier_optimiser': self._multiplier_optimiser.state_dict(),
-            'normaliser': {
-                'count': self._normaliser.count,
-                'mean': torch.from_numpy(self._normaliser.mean),
-                'variance': torch.from_numpy(self._normaliser.variance),
-            },
+            'multiplier': [self._multiplier.integral, self._multiplier.value],
+            'normaliser': vars(self._normaliser),
             'stream': None,
         }
         if rollout is not None:
-            # A file written right after an update holds next to no rollout and is small.
-            keep = rollout.filled + self._open
             state['stream'] = {
                 'robots': len(episodes.whole),
-                'filled': rollout.filled,
-                'rollout': {
-                    name: torch.from_numpy(array[:keep].copy())
-                    for name, array in rollout.arrays.items()
-                },
+                # Right after an update this is next to nothing.
+                'rollout': rollout.state(rollout.filled + self._open),
+                'episodes': episodes.state(),
                 'open': self._open,
-                'last_done': torch.from_numpy(self._last_done.copy()),
-                'finished': episodes.finished,
-                'recent': [list(sums) for sums in episodes.recent],
-                'sums': torch.from_numpy(episodes.sums),
-                'whole': torch.from_numpy(episodes.whole),
+                'last_done': self._last_done,
             }
-        with replacing(path) as draft:
-            try:
-                torch.save(state, draft)
-            except RuntimeError as error:
-                # What torch makes of a full disk.
-                raise OSError(f'torch says: {str(error).splitlines()[0]}') from error
-
-    @classmethod
-    def load(cls, path: Path | str, *, device: str | None = None) -> PPOLagrangian:
-        """Read a checkpoint; nothing in it is executed.
-
-        The learner expects the batch that follows the last one it was given. Call
-        :meth:`interrupt` first when another one will come.
-
-        Args:
-            path: a file written by :meth:`save`.
-            device: replaces the one that the checkpoint was trained on.
-
-        Raises:
-            OccError: no such file, or not a checkpoint.
-        """
-        try:
-            state = torch.load(path, map_location='cpu', weights_only=True)
-        except OSError as err:
-            raise OccError(f'cannot read checkpoint {path}: {err.strerror or err}') from err
-        except (pickle.UnpicklingError, RuntimeError, EOFError, ValueError, KeyError) as err:
-            raise OccError(f'{path} is not a checkpoint: allowed is {_FORMAT!r}') from err
-        if not isinstance(state, dict) or state.get('format') != _FORMAT:
-            raise OccError(f'{path} is not a checkpoint: allowed is {_FORMAT!r}')
-        try:
-            settings = state['config'] | ({} if device is None else {'device': device})
-            settings['hidden'] = tuple(settings['hidden'])
-            learner = cls(
-                PPOLagrangianConfig(**settings),
-                state['columns'],
-                state['action_columns'],
-                state['world_name'],
-                seed=0,
-            )
-            learner._restore(state)
-        except (KeyError, TypeError, ValueError, RuntimeError) as err:
-            raise OccError(f'checkpoint {path} is damaged: {err}') from err
-        return learner
+        return state
 
     def _restore(self, state: dict[str, Any]) -> None:
         """Take over everything but the settings from a checkpoint's content."""
@@ -459,76 +377,13 @@ class PPOLagrangian:
         self._rng.bit_generator.state = json.loads(state['rng'])
         self._networks.load_state_dict(state['networks'])
         self._optimiser.load_state_dict(state['optimiser'])
-        with torch.no_grad():
-            self._multiplier.fill_(state['multiplier'])
-        self._multiplier_optimiser.load_state_dict(state['multiplier_optimiser'])
-        self._normaliser.count = state['normaliser']['count']
-        self._normaliser.mean = state['normaliser']['mean'].numpy()
-        self._normaliser.variance = state['normaliser']['variance'].numpy()
+        self._multiplier.integral, self._multiplier.value = state['multiplier']
+        vars(self._normaliser).update(with_arrays(state['normaliser']))
         self._policy = self.policy()
-        stream = state['stream']
+        stream = with_arrays(state['stream'])
         if stream is None:
             return
         self._allocate(stream['robots'])
-        self._rollout.filled = stream['filled']
-        for name, array in self._rollout.arrays.items():
-            saved = stream['rollout'][name].numpy()
-            array[: len(saved)] = saved
-        self._open = stream['open']
-        self._last_done = stream['last_done'].numpy()
-        self._episodes.finished = stream['finished']
-        self._episodes.recent.extend(map(tuple, stream['recent']))
-        self._episodes.sums = stream['sums'].numpy()
-        self._episodes.whole = stream['whole'].numpy()
-
-
-def torch_device(name: str) -> torch.device:
-    """Return the device.
-
-    Args:
-        name: ``cpu`` or ``cuda``.
-
-    Raises:
-        OccError: this machine does not have it.
-    """
-    if name not in ('cpu', 'cuda') or (name == 'cuda' and not torch.cuda.is_available()):
-        here = 'cpu, cuda' if torch.cuda.is_available() else 'cpu'
-        raise OccError(f'learner setting device is {name!r}; this machine has {here}')
-    return torch.device(name)
-
-
-def _mlp(widths: Sequence[int], last_gain: float, rng: np.random.Generator) -> nn.Sequential:
-    """Return a tanh network with orthogonal weights and zero biases."""
-    layers: list[nn.Module] = []
-    for inputs, outputs in zip(widths[:-1], widths[1:], strict=True):
-        layer = nn.Linear(inputs, outputs)
-        gain = last_gain if len(layers) == 2 * (len(widths) - 2) else math.sqrt(2.0)
-        square = rng.standard_normal((max(inputs, outputs), min(inputs, outputs)))
-        basis, triangle = np.linalg.qr(square)
-        basis = basis * np.sign(np.diag(triangle))
-        weight = gain * (basis if outputs >= inputs else basis.T)
-        with torch.no_grad():
-            layer.weight.copy_(torch.from_numpy(weight))
-            layer.bias.zero_()
-        layers += [layer, nn.Tanh()]
-    return nn.Sequential(*layers[:-1])
-
-
-def _log_prob(action: torch.Tensor, mean: torch.Tensor, log_std: torch.Tensor) -> torch.Tensor:
-    """Log density of a diagonal Gaussian, (rows,)."""
-    z = (action - mean) * torch.exp(-log_std)
-    return (-0.5 * z.square() - log_std - 0.5 * math.log(2.0 * math.pi)).sum(dim=1)
-
-
-def _divergence(
-    mean: torch.Tensor, log_std: torch.Tensor, other: torch.Tensor, other_log_std: torch.Tensor
-) -> torch.Tensor:
-    """Mean over rows of KL(first || other) of two diagonal Gaussians, a scalar."""
-    spread = torch.exp(2.0 * (log_std - other_log_std))
-    shift = ((mean - other) * torch.exp(-other_log_std)).square()
-    return (other_log_std - log_std + 0.5 * (spread + shift - 1.0)).sum(dim=1).mean()
-
-
-def _numpy(tensor: torch.Tensor) -> np.ndarray:
-    """Return a copy on the CPU that later steps of an optimiser do not change."""
-    return np.ascontiguousarray(tensor.detach().cpu().numpy()).copy()
+        self._rollout.restore(stream['rollout'])
+        self._episodes.restore(stream['episodes'])
+        self._open, self._last_done = stream['open'], stream['last_done']

@@ -6,8 +6,45 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from typing import Any
 
 import numpy as np
+
+from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.worlds.stream import StepBatch
+
+
+def checked_cost(
+    batch: StepBatch, cost: np.ndarray, robots: int | None, columns: int
+) -> np.ndarray:
+    """Return the cost as (N,) float64, or refuse the step.
+
+    Args:
+        batch: the states reached.
+        cost: what they cost.
+        robots: the number of robots N; ``None`` if any will do.
+        columns: number of columns of the observation.
+
+    Raises:
+        OccError: a shape is wrong or a number is not finite.
+    """
+    cost = np.asarray(cost, dtype=np.float64)
+    shape = batch.observation.shape
+    robots = shape[0] if robots is None else robots
+    if shape != (robots, columns):
+        raise OccError(
+            f'the learner got an observation of shape {shape}; allowed is ({robots}, {columns})'
+        )
+    for name, values in (('cost', cost), ('reward', batch.reward)):
+        if values.shape != (robots,) or not np.isfinite(values).all():
+            raise OccError(
+                f'the learner got a {name} of shape {values.shape} with '
+                f'{np.count_nonzero(~np.isfinite(values))} values missing or infinite; '
+                f'allowed is ({robots},), all finite'
+            )
+    if not np.isfinite(batch.observation).all():
+        raise OccError('the learner got an observation that is not finite; allowed is finite')
+    return cost
 
 
 def advantages(
@@ -65,10 +102,18 @@ class Rollout:
         self.terminated = np.zeros((steps, robots), bool)
         self.valid = np.zeros((steps, robots), bool)
 
-    @property
-    def arrays(self) -> dict[str, np.ndarray]:
-        """The arrays by name, not copied."""
-        return {name: value for name, value in vars(self).items() if name != 'filled'}
+    def state(self, rows: int) -> dict[str, Any]:
+        """Return all that is needed to go on, not copied; only the first rows are in use."""
+        return {
+            name: value if name == 'filled' else value[:rows] for name, value in vars(self).items()
+        }
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Go on where a rollout of the same size was when it returned ``state``."""
+        for name, value in vars(self).items():
+            if name != 'filled':
+                value[: len(state[name])] = state[name]
+        self.filled = state['filled']
 
 
 class Episodes:
@@ -99,6 +144,15 @@ class Episodes:
             self.finished += int((ended & self.whole).sum())
             self.sums[ended] = 0.0
             self.whole |= ended
+
+    def state(self) -> dict[str, Any]:
+        """Return all that is needed to go on, not copied."""
+        return vars(self) | {'recent': [list(sums) for sums in self.recent]}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Go on where the episodes were when they returned ``state``."""
+        self.recent.extend(map(tuple, state['recent']))
+        self.finished, self.sums, self.whole = state['finished'], state['sums'], state['whole']
 
     def means(self) -> tuple[float, float, float]:
         """Return the recent ones' mean return, cost and length; NaN while none has finished."""

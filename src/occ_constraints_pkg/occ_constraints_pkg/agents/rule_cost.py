@@ -18,7 +18,8 @@ class RuleCost:
     """Judges each state of a world by learned rules, as the monitor does over topics.
 
     Attributes:
-        counts: how often each rule was evaluated and violated.
+        constraints: the rules, with the counters that they came with.
+        counts: how often each rule was evaluated and violated here.
 
     Args:
         constraints: the rules, with a feature map of columns of the world's observation.
@@ -39,6 +40,7 @@ class RuleCost:
                     f'feature {source.name!r} is no column of the observation of {world.name}; '
                     f'its columns are {", ".join(names)}'
                 )
+        self.constraints = constraints
         self._rule_set = constraints.rule_set
         self._places = [names.index(source.column) for source in feature_map.features]
         self.counts = RuleCounts(self._rule_set)
@@ -48,3 +50,7 @@ class RuleCost:
         judgement = self._rule_set.judge(batch.observation[:, self._places])
         self.counts.add(judgement)
         return judgement.cost
+
+    def counted(self) -> Constraints:
+        """Return the constraints with the counters of this source, for pruning."""
+        return self.constraints.with_rule_set(self._rule_set.with_counts(self.counts))

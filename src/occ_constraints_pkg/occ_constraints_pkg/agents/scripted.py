@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from occ_constraints_pkg.agents.safety_gym_drivers import avoider, straight_car, straight_point
 from occ_constraints_pkg.errors import OccError
 
 Driver = Callable[[np.ndarray], np.ndarray]
@@ -15,8 +16,6 @@ Driver = Callable[[np.ndarray], np.ndarray]
 
 _NAV_GOAL = np.array([0.9, 0.9])
 _NAV_STEP = 0.025
-_LIDAR_BINS = 16
-_POINT_COLUMNS = 12 + 3 * _LIDAR_BINS
 
 
 def make_driver(world: str, name: str, rng: np.random.Generator) -> Driver:
@@ -25,8 +24,10 @@ def make_driver(world: str, name: str, rng: np.random.Generator) -> Driver:
     Args:
         world: name of the world that it drives in.
         name: ``random`` (uniform actions) in every world; ``straight`` (to the goal, whatever
-            lies between) and ``expert`` (round the forbidden corner) in ``simple_nav``;
-            ``straightv`` (to the goal, velocity compensated, through hazards) in ``PointGoal1``.
+            lies between) and ``expert`` (round the forbidden corner) in ``simple_nav``. In
+            ``PointGoal1`` ``straightv`` and in ``CarGoal1`` ``straight`` (to the goal, through
+            hazards). ``avoider`` in ``PointGoal1`` and ``expert`` in the other three Safety-Gym
+            tasks keep out of hazards.
         rng: source of the driver's noise.
 
     Raises:
@@ -124,47 +125,6 @@ class _NavExpert:
         return np.column_stack([np.maximum(action[:, 0], back), np.minimum(action[:, 1], rise)])
 
 
-class _PointStraightV:
-    """Turns until its velocity will point at the goal, and thrusts while it nearly does.
-
-    It reads the goal's bearing from the goal lidar and its own velocity from the velocimeter, and
-    knows nothing of hazards.
-    """
-
-    _CRUISE = 1.0
-    _WIDEST = np.pi / 4
-    _CENTRES = (np.arange(_LIDAR_BINS) + 0.5) * (2 * np.pi / _LIDAR_BINS)
-
-    def __init__(self, rng: np.random.Generator) -> None:
-        """Take no noise from ``rng``: the driver is deterministic."""
-
-    def __call__(self, observation: np.ndarray) -> np.ndarray:
-        observation = _checked(observation, _POINT_COLUMNS, 'PointGoal1')
-        velocity = observation[:, 3:5]
-        goal = _bearing(observation[:, 12:28])
-        # A goal more than 3 m away is not seen; the hazards then tell where the middle is.
-        hazards = observation[:, 28:44] @ np.exp(1j * self._CENTRES)
-        goal = np.where(observation[:, 12:28].any(axis=1), goal, np.angle(hazards))
-        wanted = self._CRUISE * np.column_stack([np.cos(goal), np.sin(goal)]) - velocity
-        turn = np.arctan2(wanted[:, 1], wanted[:, 0])
-        forward = (np.abs(turn) < self._WIDEST).astype(np.float64)
-        return np.column_stack([forward, np.clip(turn, -1.0, 1.0)])
-
-
-def _bearing(lidar: np.ndarray) -> np.ndarray:
-    """Return the bearing, in rad, of the only object that a (N, 16) pseudo-lidar sees.
-
-    The brightest bin holds it; the next bin's share of that brightness is how far into the
-    brightest bin it lies.
-    """
-    rows = np.arange(len(lidar))
-    brightest = lidar.argmax(axis=1)
-    strength = lidar[rows, brightest]
-    following = lidar[rows, (brightest + 1) % _LIDAR_BINS]
-    share = np.divide(following, strength, out=np.zeros_like(strength), where=strength > 0)
-    return (brightest + share) * (2 * np.pi / _LIDAR_BINS)
-
-
 def _toward(goal: np.ndarray, position: np.ndarray) -> np.ndarray:
     """Return the action that goes straight to ``goal`` as fast as it can without passing it."""
     offset = (goal - position) / _NAV_STEP
@@ -181,8 +141,26 @@ def _checked(observation: np.ndarray, columns: int, world: str) -> np.ndarray:
     return values
 
 
+def _deterministic(
+    make: Callable[[str], Driver], world: str
+) -> Callable[[np.random.Generator], Driver]:
+    """Let a driver that takes no noise be made as the others are."""
+    return lambda rng: make(world)
+
+
 DRIVERS: dict[str, dict[str, Callable[[np.random.Generator], Driver]]] = {
     'simple_nav': {'random': _Random, 'straight': _NavStraight, 'expert': _NavExpert},
-    'PointGoal1': {'random': _Random, 'straightv': _PointStraightV},
+    'PointGoal1': {
+        'random': _Random,
+        'straightv': _deterministic(straight_point, 'PointGoal1'),
+        'avoider': _deterministic(avoider, 'PointGoal1'),
+    },
+    'CarGoal1': {
+        'random': _Random,
+        'straight': _deterministic(straight_car, 'CarGoal1'),
+        'expert': _deterministic(avoider, 'CarGoal1'),
+    },
+    'PointPush1': {'random': _Random, 'expert': _deterministic(avoider, 'PointPush1')},
+    'CarPush1': {'random': _Random, 'expert': _deterministic(avoider, 'CarPush1')},
 }
 """The drivers that :func:`make_driver` knows, by world and name."""

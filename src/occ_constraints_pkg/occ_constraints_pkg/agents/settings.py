@@ -4,8 +4,11 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from typing import Any
 
+from occ_constraints_pkg.documents import did_you_mean
 from occ_constraints_pkg.errors import OccError
 
 
@@ -17,12 +20,16 @@ class PPOLagrangianConfig:
         lagrangian: ``False`` ignores the cost altogether: unconstrained PPO.
         cost_limit: allowed mean cost per episode, 0 or more.
         multiplier_init: Lagrange multiplier at the start, 0 or more.
-        multiplier_lr: Adam's step size for the multiplier, per update.
+        multiplier_rate: change of the multiplier's integral per update and unit of excess.
+        multiplier_gain: proportional part of the multiplier per unit of excess.
+        multiplier_band: share of the cost limit that makes one unit of excess.
         rollout_steps: steps of each robot between updates.
         passes: most passes over a rollout per update.
         minibatch: transitions per gradient step.
         actor_lr: Adam's step size for the policy.
         critic_lr: Adam's step size for both critics.
+        decay_steps: the step sizes of all networks fall linearly over this many robot steps, down
+            to 10 % of their first value; 0: they stay.
         gamma: discount per step, of reward and cost alike.
         lam: GAE's lambda, of reward and cost alike.
         clip: bound on the change of the probability ratio.
@@ -41,12 +48,15 @@ class PPOLagrangianConfig:
     lagrangian: bool = True
     cost_limit: float = 25.0
     multiplier_init: float = 0.001
-    multiplier_lr: float = 0.05
+    multiplier_rate: float = 0.03
+    multiplier_gain: float = 0.25
+    multiplier_band: float = 1.0 / 3.0
     rollout_steps: int = 256
     passes: int = 5
     minibatch: int = 4096
     actor_lr: float = 1e-3
     critic_lr: float = 1e-3
+    decay_steps: int = 0
     gamma: float = 0.99
     lam: float = 0.95
     clip: float = 0.2
@@ -65,7 +75,13 @@ class PPOLagrangianConfig:
         Raises:
             OccError: the first such setting.
         """
-        for name in ('cost_limit', 'multiplier_init', 'multiplier_lr'):
+        for name in (
+            'cost_limit',
+            'multiplier_init',
+            'multiplier_rate',
+            'multiplier_gain',
+            'decay_steps',
+        ):
             self._require(name, getattr(self, name) >= 0, '0 or more')
         for name in ('rollout_steps', 'passes', 'minibatch', 'window', 'threads'):
             self._require(name, getattr(self, name) >= 1, '1 or more')
@@ -75,6 +91,7 @@ class PPOLagrangianConfig:
             'clip',
             'target_kl',
             'max_grad_norm',
+            'multiplier_band',
             'observation_clip',
         ):
             self._require(name, getattr(self, name) > 0, 'above 0')
@@ -87,6 +104,37 @@ class PPOLagrangianConfig:
             raise OccError(
                 f'learner setting {name} is {getattr(self, name)!r}; allowed is {allowed}'
             )
+
+
+def learner_settings(values: Mapping[str, Any]) -> PPOLagrangianConfig:
+    """Return the defaults with some settings changed.
+
+    Args:
+        values: settings by name; a whole number will do for one with a decimal point, and a list
+            for the widths.
+
+    Raises:
+        OccError: there is no such setting, or its value has another type or is out of range.
+    """
+    allowed = {item.name: item.default for item in fields(PPOLagrangianConfig)}
+    changed = {}
+    for name, value in values.items():
+        if name not in allowed:
+            hint = did_you_mean(name, allowed) or ';'
+            raise OccError(
+                f'there is no learner setting {name!r}{hint} there are {", ".join(allowed)}'
+            )
+        default = allowed[name]
+        if isinstance(default, float) and isinstance(value, int):
+            value = float(value)
+        if isinstance(default, tuple) and isinstance(value, list):
+            value = tuple(value)
+        if type(value) is not type(default):
+            raise OccError(
+                f'learner setting {name} is {value!r}; allowed is something like {default!r}'
+            )
+        changed[name] = value
+    return PPOLagrangianConfig(**changed)
 
 
 @dataclass(frozen=True)

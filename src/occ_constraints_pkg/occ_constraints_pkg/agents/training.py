@@ -7,12 +7,13 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from occ_constraints_pkg.agents.rule_cost import RuleCost
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.files import make_directory, replacing, set_aside
 from occ_constraints_pkg.worlds.base import World
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian
     from occ_constraints_pkg.agents.settings import TrainingMetrics
 
-_SAVE_SECONDS = 30.0
+_SAVE_SECONDS = 10.0
 
 
 class CostSource(Protocol):
@@ -53,6 +54,8 @@ def train(
     seconds: float | None = None,
     progress: Callable[[TrainingMetrics], None] | None = None,
     directory: TrainingDirectory | None = None,
+    resumed: Mapping[str, Any] | None = None,
+    is_stopped: Callable[[], bool] = lambda: False,
 ) -> list[TrainingMetrics]:
     """Train until the learner has seen ``total_steps``, or for ``seconds``, whichever is first.
 
@@ -64,7 +67,11 @@ def train(
         total_steps: robot steps, summed over robots, since the learner was made.
         seconds: wall time of this call.
         progress: called after each update.
-        directory: takes the metrics of each update, and policy and checkpoint from time to time.
+        directory: takes the metrics of each update, and policy and checkpoint from time to time
+            and at the end.
+        resumed: what :meth:`TrainingDirectory.resume` returned beside the learner: the world and
+            the counters of the rules go on from there instead, and nothing is forgotten.
+        is_stopped: asked before each step; ``True`` ends the training there.
 
     Returns:
         The metrics of each update made here.
@@ -75,22 +82,33 @@ def train(
     if total_steps is None and seconds is None:
         raise OccError('training has no end: got neither total_steps nor seconds; give one')
     learner.policy().check_world(world.columns, world.action_columns)
-    learner.interrupt()
     stream = EpisodeStream(world, seed=seed)
-    batch = stream.reset()
+    if resumed is None:
+        learner.interrupt()
+        batch = stream.reset()
+    else:
+        batch = stream.restore(resumed['stream'])
+        if isinstance(cost_source, RuleCost):
+            cost_source.counts.evaluated[:] = resumed['counts']['evaluated']
+            cost_source.counts.violated[:] = resumed['counts']['violated']
     history: list[TrainingMetrics] = []
     end = math.inf if seconds is None else time.monotonic() + seconds
     limit = math.inf if total_steps is None else total_steps
-    while learner.steps < limit and time.monotonic() < end:
+    while learner.steps < limit and time.monotonic() < end and not is_stopped():
         before = learner.updates
         action = learner.act(batch, cost_source(batch))
-        if learner.updates > before:
+        updated = learner.updates > before
+        batch = stream.step(action)
+        if updated:
             history.append(learner.metrics)
             if directory is not None:
                 directory.add(learner)
+                if directory.is_due:
+                    directory.save(learner, stream, cost_source)
             if progress is not None:
                 progress(learner.metrics)
-        batch = stream.step(action)
+    if directory is not None:
+        directory.save(learner, stream, cost_source)
     return history
 
 
@@ -98,20 +116,23 @@ class TrainingDirectory:
     """Where a training leaves its metrics, policy, checkpoint and a summary.
 
     An earlier training in the same place is moved aside, not overwritten. Policy and checkpoint
-    are saved every 30 s, so that a crash costs no more than that.
+    are due after the first update and then every 10 s, so that a crash costs no more than that.
 
     Args:
         path: the directory; made if it is not there.
+        settings: what the caller made world and learner from; kept in the checkpoint.
 
     Raises:
         OccError: it cannot be written to.
     """
 
     _METRICS = 'metrics.jsonl'
+    _CHECKPOINT = 'checkpoint.pt'
 
-    def __init__(self, path: str | Path) -> None:
+    def __init__(self, path: str | Path, settings: Mapping[str, Any] | None = None) -> None:
         self.path = make_directory(path)
-        self._saved_at = time.monotonic()
+        self._settings = dict(settings or {})
+        self._saved_at = -math.inf
 
     def begin(self) -> Path | None:
         """Make room for a new training; return where an earlier one has been moved, if any."""
@@ -121,35 +142,114 @@ class TrainingDirectory:
             make_directory(self.path)
         return earlier
 
-    def add(self, learner: PPOLagrangian) -> None:
-        """Note the metrics of the update just made, and save when it is time to.
+    @property
+    def has_checkpoint(self) -> bool:
+        """Whether there is something to resume."""
+        return (self.path / self._CHECKPOINT).exists()
+
+    def resume(self, **changes: Any) -> tuple[PPOLagrangian, dict[str, Any]]:
+        """Read the checkpoint, and cut the metrics back to it.
+
+        Updates made between the checkpoint and a crash are made again, so their lines go.
+
+        Args:
+            **changes: settings of the learner that replace those of the checkpoint.
+
+        Returns:
+            The learner, and what else :func:`train` needs to go on: ``stream``, ``counts``, and
+            the ``settings``.
 
         Raises:
-            OccError: a file cannot be written.
+            OccError: there is no checkpoint, it is damaged, or it was saved with other settings.
         """
-        numbers = {
+        from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian
+
+        learner, companions = PPOLagrangian.load_all(self.path / self._CHECKPOINT, **changes)
+        for name, value in companions['settings'].items():
+            if name in self._settings and self._settings[name] != value:
+                raise OccError(
+                    f'the training in {self.path} has {name} {value!r}; it cannot be resumed with '
+                    f'{self._settings[name]!r}'
+                )
+        lines = self.history()
+        with replacing(self.path / self._METRICS) as draft:
+            kept = [json.dumps(line) for line in lines if line['updates'] <= learner.updates]
+            draft.write_text(''.join(f'{line}\n' for line in kept), encoding='utf-8')
+        return learner, companions
+
+    def history(self) -> list[dict[str, Any]]:
+        """Return the metrics of all updates; a line cut short by a crash is left out.
+
+        Raises:
+            OccError: the file cannot be read.
+        """
+        return read_metrics(self.path / self._METRICS)
+
+    def add(self, learner: PPOLagrangian) -> None:
+        """Note the metrics of the update just made.
+
+        Raises:
+            OccError: the file cannot be written.
+        """
+        line = {
             name: value if math.isfinite(value) else None
             for name, value in learner.metrics.as_dict().items()
         }
         log = self.path / self._METRICS
         try:
             with log.open('a', encoding='utf-8') as file:
-                file.write(json.dumps(numbers) + '\n')
+                file.write(json.dumps(line) + '\n')
         except OSError as error:
             raise OccError(f'cannot write {log}: {error.strerror}') from error
-        if time.monotonic() - self._saved_at > _SAVE_SECONDS:
-            self.save(learner)
 
-    def save(self, learner: PPOLagrangian) -> None:
-        """Save policy and checkpoint, unless nothing has been learned yet.
+    @property
+    def is_due(self) -> bool:
+        """Whether the last save was long enough ago."""
+        return time.monotonic() - self._saved_at > _SAVE_SECONDS
+
+    def save(
+        self,
+        learner: PPOLagrangian,
+        stream: EpisodeStream | None = None,
+        cost_source: CostSource | None = None,
+    ) -> None:
+        """Save policy, checkpoint and counted rules, unless nothing has been learned yet.
+
+        Args:
+            learner: what to save.
+            stream: where its world stands; it has been given all but the last batch. ``None``
+                where the world lives elsewhere.
+            cost_source: what told the costs.
 
         Raises:
             OccError: a file cannot be written; the ones before stay.
         """
-        if learner.updates:
-            learner.policy().save(self.path / 'policy.npz')
-            learner.save(self.path / 'checkpoint.pt')
-            with replacing(self.path / 'summary.json') as draft:
-                summary = {'steps': learner.steps, 'updates': learner.updates}
-                draft.write_text(json.dumps(summary), encoding='utf-8')
-            self._saved_at = time.monotonic()
+        if not learner.updates:
+            return
+        companions: dict[str, Any] = {'settings': self._settings}
+        if stream is not None:
+            companions['stream'] = stream.state()
+        if isinstance(cost_source, RuleCost):
+            counts = cost_source.counts
+            companions['counts'] = {'evaluated': counts.evaluated, 'violated': counts.violated}
+            cost_source.counted().save(self.path / 'constraints.yaml')
+        learner.policy().save(self.path / 'policy.npz')
+        learner.save(self.path / self._CHECKPOINT, **companions)
+        with replacing(self.path / 'summary.json') as draft:
+            summary = {'steps': learner.steps, 'updates': learner.updates}
+            draft.write_text(json.dumps(summary), encoding='utf-8')
+        self._saved_at = time.monotonic()
+
+
+def read_metrics(path: Path) -> list[dict[str, Any]]:
+    """Return the lines of a metrics file; one cut short by a crash is left out.
+
+    Raises:
+        OccError: the file cannot be read.
+    """
+    try:
+        text = path.read_text(encoding='utf-8') if path.exists() else ''
+    except OSError as error:
+        raise OccError(f'cannot read {path}: {error.strerror}') from error
+    # What follows the last newline was being written.
+    return [json.loads(line) for line in text.split('\n')[:-1] if line]

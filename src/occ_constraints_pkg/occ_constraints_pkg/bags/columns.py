@@ -246,7 +246,9 @@ class TopicColumns:
         if self._fields is not None and self._recording.topics[self._topic].serialization == 'cdr':
             try:
                 found = self._fields.read(block.data, block.starts[rows], block.ends[rows])
-                return self._finish(found, len(rows))
+                # A value that overflows is infinite, which the verdict tells; as in plain Python.
+                with np.errstate(over='ignore', invalid='ignore'):
+                    return self._finish(found, len(rows))
             except UnreadableError:
                 pass
         return self._one_by_one(block, rows)
@@ -261,7 +263,10 @@ class TopicColumns:
         return values, stamps
 
     def _finish(self, found: list[list[Group]], count: int) -> tuple[np.ndarray, np.ndarray]:
-        extra = {name: found[place][0].values[:, 0] for name, place in self._at.items()}
+        extra = {
+            name: found[place][0].values[:, 0].astype(np.float64)
+            for name, place in self._at.items()
+        }
         values = np.empty((count, len(self._readers)))
         arrays: dict[tuple[int, str], _Arrays] = {}
         for place, reader in enumerate(self._readers):
@@ -288,11 +293,11 @@ class TopicColumns:
 def _has_stamp(definitions: dict[str, Any], msgtype: str) -> bool:
     """Tell whether the type begins the way to a stamp as std_msgs/msg/Header has it."""
     for name in _STAMP[0][:-1]:
-        fields = dict(definitions[msgtype][1]) if msgtype in definitions else {}
-        if name not in fields or not isinstance(fields[name][1], str):
+        field = dict(definitions[msgtype][1] if msgtype in definitions else ()).get(name)
+        if field is None or not isinstance(field[1], str):
             return False
-        msgtype = fields[name][1]
-    return {'sec', 'nanosec'} <= {name for name, _ in definitions[msgtype][1]}
+        msgtype = field[1]
+    return msgtype in definitions and {'sec', 'nanosec'} <= dict(definitions[msgtype][1]).keys()
 
 
 def _is_understood(reading: Reading, kind: str) -> bool:
@@ -308,7 +313,7 @@ def _single(reading: Reading, group: Group, greatest: np.ndarray | None) -> np.n
     """Do to all rows of a group what :meth:`FieldReader.number` does to one: (m,) float64."""
     if reading.reduce == 'yaw':
         return _yaws(group.values)
-    numbers = group.values[:, 0]
+    numbers = group.values[:, 0].astype(np.float64)
     if reading.missing == 'unknown':
         return numbers
     return np.where(
@@ -333,7 +338,10 @@ class _Arrays:
             self._measured = ~lost
         else:
             self._says = (group.base > 0) | (group.base == -np.inf)
-            self._base = np.where(lost, greatest[:, None], group.base)
+            # As float32, when both are, is exact.
+            limit = greatest.astype(group.base.dtype)
+            limit = limit if np.array_equal(limit, greatest, equal_nan=True) else greatest
+            self._base = np.where(lost, limit[:, None], group.base)
 
     def reduced(
         self, reader: FieldReader, group: Group, extra: dict[str, np.ndarray]
@@ -369,7 +377,7 @@ class _Arrays:
             result = kept.min(axis=1) if reduce == 'min' else kept.max(axis=1)
             return np.where(result == worst, np.nan, result)
         # Row by row, for along an axis NumPy may add in another order.
-        lines = np.ascontiguousarray(numbers)
+        lines = np.ascontiguousarray(numbers, dtype=np.float64)
         if self._measured is not None:
             kept_lines = zip(lines, self._measured[rows][:, columns], strict=True)
             lines = [line[measured] for line, measured in kept_lines]
@@ -382,7 +390,7 @@ class _Arrays:
 def _yaws(quaternions: np.ndarray) -> np.ndarray:
     if quaternions.shape[1] != 4:
         raise UnreadableError('a quaternion has four parts')
-    x, y, z, w = quaternions.T
+    x, y, z, w = quaternions.T.astype(np.float64)
     sines, cosines = 2.0 * (w * z + x * y), w * w + x * x - y * y - z * z
     # The arctangent of NumPy may differ from that of math in the last bit.
     angles = map(math.atan2, sines.tolist(), cosines.tolist())

@@ -11,6 +11,9 @@ import numpy as np
 
 from occ_constraints_pkg.errors import OccError
 
+# When a row's pace message was recorded, and which row of that message it is.
+ORIGIN = np.dtype([('time_ns', np.int64), ('row', np.int32)])
+
 
 @dataclass(frozen=True, eq=False)
 class Dataset:
@@ -27,6 +30,7 @@ class Dataset:
         times_ns: (n,) int64, ns from the first message of the row's recording to the arrival of its
             pace message; where that is a table, from the first table, by their stamps, which are
             simulated time. None for table files.
+        origins: (n,) of :data:`ORIGIN`; None for table files.
         recordings: (n,) int64, which of the sources each row comes from; None: all from the first.
         sources: :meth:`Recording.fingerprint` of each recording; of a table file ``name``,
             ``sha256`` and ``rows``.
@@ -42,6 +46,7 @@ class Dataset:
     episodes: np.ndarray
     true_cost: np.ndarray | None = None
     times_ns: np.ndarray | None = None
+    origins: np.ndarray | None = None
     recordings: np.ndarray | None = None
     sources: tuple[dict[str, Any], ...] = ()
     warnings: tuple[str, ...] = ()
@@ -49,7 +54,7 @@ class Dataset:
     def __post_init__(self) -> None:
         rows = len(self.stamps_ns)
         columns = [self.stamps_ns, self.episodes]
-        more = (self.true_cost, self.times_ns, self.recordings)
+        more = (self.true_cost, self.times_ns, self.recordings, self.origins)
         columns += [column for column in more if column is not None]
         if self.values.shape != (rows, len(self.names)) or any(c.shape != (rows,) for c in columns):
             raise OccError(
@@ -62,9 +67,26 @@ class Dataset:
 
     def select(self, rows: np.ndarray) -> Dataset:
         """Return the rows of a (n,) bool mask, or of an array of row numbers."""
-        columns = ('values', 'stamps_ns', 'episodes', 'true_cost', 'times_ns', 'recordings')
+        columns = ('values', 'stamps_ns', 'episodes', 'true_cost')
+        columns += ('times_ns', 'recordings', 'origins')
         chosen = {name: getattr(self, name) for name in columns}
         return replace(self, **{name: None if c is None else c[rows] for name, c in chosen.items()})
+
+    def origin(self, row: int) -> dict[str, int]:
+        """Return where a row came from, as plain values.
+
+        ``source`` is a position in :attr:`sources`. Of a table file there is ``row``, its number
+        in the file, from 0. Of a recording there are ``time_ns``, when the pace message was
+        recorded, and ``row``, which row of the message it is.
+        """
+        source = 0 if self.recordings is None else int(self.recordings[row])
+        if self.origins is None:
+            return {'source': source, 'row': int(self.stamps_ns[row])}
+        return {
+            'source': source,
+            'time_ns': int(self.origins['time_ns'][row]),
+            'row': int(self.origins['row'][row]),
+        }
 
     def split_episodes(self, rng: np.random.Generator, share: float) -> tuple[Dataset, Dataset]:
         """Split at random into two parts that share no episode.

@@ -57,7 +57,7 @@ def _installed(msgtype: str) -> dict[str, Any]:
         if name in found or name in _store().fielddefs:
             continue
         found.update(get_types_from_msg(_read(name), name))
-        missing.extend(_parts(found[name]))
+        missing.extend(part_types(found[name]))
     return found
 
 
@@ -70,8 +70,8 @@ def _read(msgtype: str) -> str:
     raise FileNotFoundError(msgtype)
 
 
-def _parts(definition: Any) -> Iterator[str]:
-    """Yield the names of the message types among a definition's fields."""
+def part_types(definition: Any) -> Iterator[str]:
+    """Yield the names of the message types among a parsed definition's fields."""
     for _, (kind, argument) in definition[1]:
         if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE):
             kind, argument = argument[0]

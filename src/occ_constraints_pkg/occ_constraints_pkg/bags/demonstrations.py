@@ -17,66 +17,33 @@ from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.learning.learn import learn
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.rules.constraints_file import Constraints
+from occ_constraints_pkg.rules.space import FeatureSpace
 
 
-def learn_from_recordings(
+def learn_from_files(
     paths: Sequence[str | Path],
-    feature_map: FeatureMap,
+    feature_map: FeatureMap | None,
     settings: OCTreeSettings,
     *,
     rng: np.random.Generator,
     progress: Callable[[int, int], None] | None = None,
     warn: Callable[[str], None] | None = None,
 ) -> Constraints:
-    """Extract the features of recordings and learn constraints from them.
+    """Read the features of recordings or of tables, and learn constraints from them.
 
     Args:
-        paths: rosbag2 directories or MCAP files.
-        feature_map: what to extract.
+        paths: rosbag2 directories or MCAP files; or ``.npz``, ``.csv`` or ``.parquet`` files.
+        feature_map: what to extract, see :func:`read_demonstrations`. It is kept with the rules,
+            so that they can be monitored.
         settings: the tree learner's parameters.
         rng: chooses the held-out episodes.
-        progress: called with (messages read, messages in all).
-        warn: called with a sentence for each thing that is damaged, and for samples left out.
-
-    Raises:
-        OccError: a recording cannot be read or lacks a mapped topic, or no sample is usable.
-    """
-    data = extract(paths, feature_map, progress=progress)
-    constraints = learn(
-        data.values,
-        data.episodes,
-        feature_map.space,
-        settings,
-        rng=rng,
-        feature_map=feature_map.to_document(),
-        bags=data.sources,
-    )
-    _pass_on(data, constraints, warn)
-    return constraints
-
-
-def learn_from_tables(
-    paths: Sequence[str | Path],
-    settings: OCTreeSettings,
-    *,
-    rng: np.random.Generator,
-    feature_map: FeatureMap | None = None,
-    warn: Callable[[str], None] | None = None,
-) -> Constraints:
-    """Read table files and learn constraints from them.
-
-    Args:
-        paths: ``.npz``, ``.csv`` or ``.parquet`` files.
-        settings: the tree learner's parameters.
-        rng: chooses the held-out episodes.
-        feature_map: its features are read from the columns of their names, and it is kept with
-            the rules, so that they can be monitored. None: every column is a feature.
+        progress: called with (messages read, messages in all); not for tables.
         warn: called with a sentence for each thing that is damaged, and for samples left out.
 
     Raises:
         OccError: a file cannot be read or lacks a feature, or no sample is usable.
     """
-    data, space = read_tables(paths, None if feature_map is None else feature_map.space)
+    data, space = read_demonstrations(paths, feature_map, progress=progress)
     constraints = learn(
         data.values,
         data.episodes,
@@ -85,9 +52,37 @@ def learn_from_tables(
         rng=rng,
         feature_map=None if feature_map is None else feature_map.to_document(),
         bags=data.sources,
+        origin=data.origin,
     )
     _pass_on(data, constraints, warn)
     return constraints
+
+
+def read_demonstrations(
+    paths: Sequence[str | Path],
+    feature_map: FeatureMap | None,
+    space: FeatureSpace | None = None,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> tuple[Dataset, FeatureSpace]:
+    """Read the features of recordings or of tables.
+
+    Args:
+        paths: recordings only, or table files only.
+        feature_map: what to extract. Of tables, the columns of its names are read.
+        space: without a feature map, the columns of tables to read; None: every column is a
+            feature.
+        progress: called with (messages read, messages in all); not for tables.
+
+    Raises:
+        OccError: a file cannot be read or lacks a feature, tables and recordings are mixed, or
+            there are recordings and no feature map.
+    """
+    if are_table_files(paths):
+        return read_tables(paths, space if feature_map is None else feature_map.space)
+    if feature_map is None:
+        raise OccError(f'recordings such as {paths[0]} need a feature map: -m FILE or a name')
+    return extract(paths, feature_map, progress=progress), feature_map.space
 
 
 def read_for_rules(

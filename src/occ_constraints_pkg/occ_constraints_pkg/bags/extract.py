@@ -11,17 +11,17 @@ from typing import Any
 
 import numpy as np
 
+from occ_constraints_pkg.bags.collected import CollectedRows
 from occ_constraints_pkg.bags.columns import BlockExtractor, RowBlock
 from occ_constraints_pkg.bags.dataset import Dataset
 from occ_constraints_pkg.bags.feature_map import FeatureMap, topic_key
-from occ_constraints_pkg.bags.fields import MessageReader, header_stamp_ns
+from occ_constraints_pkg.bags.fields import header_stamp_ns
+from occ_constraints_pkg.bags.held import Held, TopicReader
 from occ_constraints_pkg.bags.manifest import select
 from occ_constraints_pkg.bags.recording import RawMessage, Recording
-from occ_constraints_pkg.bags.sources import Reading
 from occ_constraints_pkg.bags.storage import Block
 from occ_constraints_pkg.bags.table import Table
 from occ_constraints_pkg.bags.transforms import RowTransforms
-from occ_constraints_pkg.documents import did_you_mean
 from occ_constraints_pkg.errors import OccError
 
 
@@ -69,12 +69,12 @@ class FeatureExtractor:
         rate = feature_map.rate
         self._clock = None if rate is None else _Clock(rate, self._max_age_ns)
         self._readers = {
-            key: _TopicReader(places, [self._readings[place] for place in places])
+            key: TopicReader(places, [self._readings[place] for place in places])
             for key, places in groups.items()
         }
         self._transforms = RowTransforms(feature_map)
-        self._held: dict[str, _Held] = {}
-        self._now: _Held | None = None
+        self._held: dict[str, Held] = {}
+        self._now: Held | None = None
         self._episodes = np.empty(0)
         self._last: tuple[int | None, np.ndarray] = (None, np.empty((0, 0)))
 
@@ -94,9 +94,8 @@ class FeatureExtractor:
         key = topic_key(topic)
         if key not in self._readers:
             return None
-        held = _Held(message, header_stamp_ns(message), receive_time_ns)
+        held = Held(message, header_stamp_ns(message), receive_time_ns)
         if key == self.pace_key:
-            held.read(self._readers[key])
             return self._row(held, {key: held, **self._fresh(held, {key})})
         self._held[key] = held
         if self._clock is None or not self._clock.is_due(held.stamp, receive_time_ns):
@@ -108,15 +107,14 @@ class FeatureExtractor:
 
         Topics are those of the map; the one that sets the pace is not among them.
         """
-        now = self._now
-        return {
-            topic: held.age_ns(now.stamp, now.arrival) if now and held else None
-            for topic in self.feature_map.topics
-            if (key := topic_key(topic)) != self.pace_key
-            for held in (self._held.get(key),)
-        }
+        now, ages = self._now, {}
+        for topic in self.feature_map.topics:
+            held = self._held.get(topic_key(topic))
+            if topic_key(topic) != self.pace_key:
+                ages[topic] = held.age_ns(now.stamp, now.arrival) if now and held else None
+        return ages
 
-    def _fresh(self, now: _Held, besides: set[str]) -> dict[str, _Held]:
+    def _fresh(self, now: Held, besides: set[str]) -> dict[str, Held]:
         """Return what is held of each topic and not too old at the message ``now``."""
         return {
             key: held
@@ -124,7 +122,7 @@ class FeatureExtractor:
             if key not in besides and held.age_ns(now.stamp, now.arrival) <= self._max_age_ns
         }
 
-    def _row(self, now: _Held, parts: dict[str, _Held]) -> FeatureRows:
+    def _row(self, now: Held, parts: dict[str, Held]) -> FeatureRows:
         """Compute the features from the messages in ``parts``."""
         self._now = now
         for key, held in parts.items():
@@ -186,72 +184,6 @@ class _Clock:
         return due
 
 
-class _Held:
-    """The last message of a topic, with its values once they have been asked for."""
-
-    def __init__(self, message: Any, stamp: int | None, arrival: int) -> None:
-        self.message, self.stamp, self.arrival = message, stamp, arrival
-        self.values: np.ndarray | None = None
-        self.table: Table | None = None
-
-    def read(self, reader: _TopicReader) -> None:
-        """Set ``values``, and ``table`` for a table."""
-        if self.values is None:
-            self.values, self.table = reader.read(self.message)
-
-    def age_ns(self, stamp: int | None, arrival: int) -> int:
-        """Return the distance to the message of the row; the future is as far as the past.
-
-        That a clock has jumped back shows in nothing else.
-        """
-        if stamp is None or self.stamp is None:
-            return abs(arrival - self.arrival)
-        return abs(stamp - self.stamp)
-
-
-class _TopicReader:
-    """Reads all that is asked of one topic."""
-
-    def __init__(self, places: list[int], readings: Sequence[tuple[str, Reading]]) -> None:
-        self.places = places
-        self._columns = [item for item in readings if item[1].column is not None]
-        self._fields = MessageReader([item for item in readings if item[1].column is None])
-        self._is_table = bool(self._columns)
-        self._is_unread = not readings
-        self._names: tuple[str, ...] | None = None
-        self._positions = np.empty(0, dtype=np.intp)
-
-    def read(self, message: Any) -> tuple[np.ndarray, Table | None]:
-        """Return (rows, readings of this topic) float64, and the message as table if it is one."""
-        has_points = hasattr(message, 'point_step')
-        if not self._is_table and not (self._is_unread and has_points):
-            return np.array([self._fields.read(message)]), None
-        if not has_points:
-            name, reading = self._columns[0]
-            raise OccError(
-                f'feature {name!r} asks for column {reading.column!r} of topic '
-                f'{reading.topic!r}, whose messages are {type(message).__name__}; '
-                'allowed is a table (sensor_msgs/msg/PointCloud2)'
-            )
-        table = Table.from_message(message)
-        if table.names != self._names:
-            self._positions = np.array([_find(table, *item) for item in self._columns], np.intp)
-            self._names = table.names
-        return table.values[:, self._positions].astype(np.float64, copy=False), table
-
-
-def _find(table: Table, name: str, reading: Reading) -> int:
-    try:
-        return table.names.index(reading.column)
-    except ValueError:
-        hint = did_you_mean(reading.column, table.names) or ';'
-        raise OccError(
-            f'feature {name!r} asks for column {reading.column!r} of topic '
-            f'{reading.topic!r}, which the table does not have{hint} '
-            f'its columns are {", ".join(table.names)}'
-        ) from None
-
-
 def extract(
     paths: Sequence[str | Path],
     feature_map: FeatureMap,
@@ -291,17 +223,16 @@ def extract(
         for recording, topics in zip(recordings, wanted, strict=True)
         for topic in topics.values()
     )
-    done, parts, episodes = 0, [], 0
+    done, parts, episodes, warnings = 0, [], 0, []
     for recording, topics, selection in zip(recordings, wanted, selections, strict=True):
-        part, start = _Part(), recording.start_ns
+        part, start = CollectedRows(), recording.start_ns
         if BlockExtractor.reads(recording, topics, feature_map):
             blocks = BlockExtractor(recording, topics, feature_map)
         else:
             blocks = _MessageExtractor(recording, topics, feature_map)
         for block in recording.blocks(list(topics.values())):
             for rows in blocks.rows(block):
-                times = rows.times_ns - start
-                part.add(rows, times, selection.stretches(times))
+                part.add(rows, rows.times_ns - start, selection)
             done += len(block)
             if progress is not None:
                 progress(done, total)
@@ -313,6 +244,8 @@ def extract(
                 + f'{part.where}; allowed is one or more'
             )
         episodes += part.number_episodes(episodes, str(recording.path))
+        warnings += recording.warnings
+        warnings += part.unused(selection, str(recording.path))
         parts.append(part)
     costs = [cost for part in parts for cost in part.costs]
     return Dataset(
@@ -328,7 +261,8 @@ def extract(
             | selection.to_document()
             for recording, selection in zip(recordings, selections, strict=True)
         ),
-        warnings=tuple(text for recording in recordings for text in recording.warnings),
+        warnings=tuple(warnings),
+        origins=np.concatenate([origins for part in parts for origins in part.origins]),
     )
 
 
@@ -337,11 +271,11 @@ def rows_of(
     extractor: FeatureExtractor,
     tick: Callable[[], None] | None = None,
 ) -> Iterator[FeatureRows]:
-    """Push a recording's messages into an extractor; yield all rows, repeats too.
+    """Push a recording's messages into a fresh extractor; yield all rows, repeats too.
 
     Args:
         recording: what to read.
-        extractor: a fresh one.
+        extractor: it says what to compute.
         tick: called after each message of a needed topic.
 
     Raises:
@@ -352,8 +286,7 @@ def rows_of(
     for raw in recording.messages(topics):
         if tick is not None:
             tick()
-        rows = pusher.push(raw)
-        if rows is not None:
+        if (rows := pusher.push(raw)) is not None:
             yield rows
 
 
@@ -402,67 +335,3 @@ class _MessageExtractor:
                     np.full(count, raw.log_time_ns, dtype=np.int64),
                     rows.table,
                 )
-
-
-class _Part:
-    """The rows of one recording while they are collected."""
-
-    def __init__(self) -> None:
-        self.values: list[np.ndarray] = []
-        self.stamps: list[np.ndarray] = []
-        self.times: list[np.ndarray] = []
-        self.costs: list[np.ndarray] = []
-        self.episodes = np.empty(0, dtype=np.int64)
-        self.has_cost = False
-        self.where = ''
-        self._first_ns = 0
-        self._episodes: list[np.ndarray] = []
-
-    def add(self, rows: RowBlock, times: np.ndarray, stretches: np.ndarray) -> None:
-        """Add those rows that lie in a stretch to use.
-
-        Args:
-            rows: n rows.
-            times: (n,) arrivals in ns from the first message of the recording.
-            stretches: (n,) number of the stretch, -1 for rows not to use.
-        """
-        count = len(rows.values)
-        columns = () if rows.table is None else rows.table.names
-        has_cost, has_episodes = 'true_cost' in columns, 'episode' in columns
-        nothing = np.zeros(count)
-        robots = np.arange(count) if has_episodes else nothing
-        numbers = rows.table.column('episode').astype(np.float64) if has_episodes else nothing
-        cost = rows.table.column('true_cost') if has_cost else np.full(count, np.nan)
-        if rows.table is not None:
-            # A simulation steps faster or slower than it is recorded.
-            self._first_ns = self._first_ns or int(rows.stamps_ns[0])
-            times = rows.stamps_ns - self._first_ns
-        used = stretches >= 0
-        if not used.any():
-            self.where = ', in the intervals to use' if count else self.where
-            return
-        self.has_cost = self.has_cost or has_cost
-        self.values.append(rows.values[used])
-        self.stamps.append(rows.stamps_ns[used])
-        self.times.append(times[used])
-        self.costs.append(cost[used].astype(np.float64))
-        self._episodes.append(np.stack([robots, numbers, stretches], axis=1)[used])
-
-    def number_episodes(self, first: int, where: str) -> int:
-        """Number the episodes from ``first`` on; return how many there are.
-
-        Raises:
-            OccError: the column ``episode`` holds something that is not finite.
-        """
-        triples = np.concatenate(self._episodes)
-        if not np.isfinite(triples).all():
-            raise OccError(f"{where} has values that are not finite in the column 'episode'")
-        # Sorting rows takes longer than reading them, and mostly there is little to sort by.
-        varying = (triples != triples[0]).any(axis=0)
-        if varying.sum() < 2:
-            keys, axis = triples[:, varying.argmax()], None
-        else:
-            keys, axis = triples, 0
-        unique, inverse = np.unique(keys, axis=axis, return_inverse=True)
-        self.episodes = inverse.reshape(-1).astype(np.int64) + first
-        return len(unique)

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -109,6 +110,11 @@ def load_manifest(path: str | Path) -> list[Selection]:
         raise OccError(
             f'{path} is the metadata of a recording, not a manifest; give its directory instead'
         )
+    if isinstance(document, dict) and {'features', 'rules'} & document.keys():
+        raise OccError(
+            f'{path} is not a recording, nor a manifest that lists some, but '
+            f'{"constraints" if "rules" in document else "a feature map"}'
+        )
     validate(document, SCHEMA, str(path), text=text)
     return [
         _selection(entry, Path(path).parent, f'{path}: recordings[{number}]')
@@ -123,6 +129,9 @@ def _selection(entry: Mapping[str, Any], folder: Path, where: str) -> Selection:
             f'{where}.path: got {entry["path"]!r}; allowed are rosbag2 directories and files '
             'that end in .mcap or .db3'
         )
+    times = [time for key in ('include', 'exclude') for item in entry.get(key, ()) for time in item]
+    if any(time is not None and math.isnan(time) for time in (*times, *entry.get('episodes', ()))):
+        raise OccError(f'{where}: got nan for a time; allowed are seconds from 0 to 1e9')
     intervals = {}
     for key in ('include', 'exclude'):
         intervals[key] = tuple(

@@ -1,11 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""An MCAP file, whole or cut short.
-
-The record layouts are those of the MCAP specification, https://mcap.dev/spec. Records that occur
-once or a few times are parsed by the ``mcap`` library; messages, of which there are millions, are
-found here, which is many times as fast and lets a cut-off chunk give up what it still holds.
-"""
+"""An MCAP file, whole or cut short: what it holds and where."""
 
 from __future__ import annotations
 
@@ -13,41 +8,38 @@ import os
 import struct
 import zlib
 from collections import Counter
-from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO
 
-import lz4.frame
 import numpy as np
 from mcap import records
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 
+from occ_constraints_pkg.bags.mcap_records import (
+    DAMAGE,
+    HEAD,
+    MAGIC,
+    indexed,
+    numbers_at,
+    records_of,
+    unpack_chunk,
+    walked,
+)
 from occ_constraints_pkg.bags.qos import parse_profiles
 from occ_constraints_pkg.bags.storage import (
     MAX_PIECE_BYTES,
     Block,
     Segment,
     TopicInfo,
-    unpack_zstd,
     with_counts,
 )
 from occ_constraints_pkg.errors import OccError
 
-MAGIC = b'\x89MCAP0\r\n'
-_HEAD = struct.Struct('<BQ')  # opcode, length of the body
-_LENGTH = struct.Struct('<Q')
 _MESSAGE_SIZE = 22  # channel (2 bytes), sequence (4), log time (8), publish time (8)
-_CHUNK = struct.Struct('<QQQII')  # start, end, uncompressed size, CRC, length of compression name
-_FOOTER_SIZE = _HEAD.size + 20 + len(MAGIC)
+_FOOTER_SIZE = HEAD.size + 20 + len(MAGIC)
 _RUN_BYTES = 1 << 20
-# Errors that the parsers of other people's libraries raise on damaged bytes.
-_DAMAGE = (
-    *(McapError, struct.error, UnicodeDecodeError, EOFError, KeyError, IndexError, ValueError),
-    *(OverflowError, RecursionError, MemoryError, RuntimeError),
-)
 
 
 class McapFile:
@@ -139,25 +131,25 @@ class McapFile:
             file.seek(segment.first)
             data, index = file.read(segment.length), b''
             if segment.chunk:
-                data = _unpack_chunk(data, cut=cut)
+                data = unpack_chunk(data, cut=cut)
                 index = file.read(segment.index_length)
             return self._messages(data, index, cut=cut)
-        except _DAMAGE as error:
+        except DAMAGE as error:
             raise self._damage(segment, error or type(error).__name__) from error
 
     def _messages(self, data: bytes | memoryview, index: bytes, *, cut: bool) -> Block:
         """Find the messages among the records of a chunk or run; learn channels on the way."""
-        begins, ends = _indexed(data, index) or _walked(data, cut=cut)
+        begins, ends = indexed(data, index) or walked(data, cut=cut)
         opcodes = np.frombuffer(data, dtype=np.uint8)[begins]
         for row in np.flatnonzero((opcodes == Opcode.SCHEMA) | (opcodes == Opcode.CHANNEL)):
-            body = data[begins[row] + _HEAD.size : ends[row]]
+            body = data[begins[row] + HEAD.size : ends[row]]
             self._learn(opcodes[row], bytes(body))
         rows = np.flatnonzero(opcodes == Opcode.MESSAGE)
-        bodies, ends = begins[rows] + _HEAD.size, ends[rows]
+        bodies, ends = begins[rows] + HEAD.size, ends[rows]
         if (ends - bodies < _MESSAGE_SIZE).any():
             raise ValueError('a message is too short to have a time')
-        channels = _numbers(data, bodies, '<u2').astype(np.int64)
-        times = _numbers(data, bodies + 6, '<u8').astype(np.int64)
+        channels = numbers_at(data, bodies, '<u2').astype(np.int64)
+        times = numbers_at(data, bodies + 6, '<u8').astype(np.int64)
         if (times < 0).any():
             raise ValueError('a message has a time above 2^63 - 1 ns')
         unknown = set(np.flatnonzero(np.bincount(channels)).tolist()) - self._channels.keys()
@@ -189,8 +181,8 @@ class McapFile:
             return False
         file.seek(self._size - _FOOTER_SIZE)
         footer = file.read()
-        opcode, length = _HEAD.unpack_from(footer)
-        start, _, crc = struct.unpack_from('<QQI', footer, _HEAD.size)
+        opcode, length = HEAD.unpack_from(footer)
+        start, _, crc = struct.unpack_from('<QQI', footer, HEAD.size)
         end = self._size - _FOOTER_SIZE
         if opcode != Opcode.FOOTER or length != 20 or footer[-8:] != MAGIC:
             return False
@@ -199,11 +191,11 @@ class McapFile:
         file.seek(start)
         summary = file.read(end - start)
         # The checksum covers the footer up to the checksum itself.
-        if crc and zlib.crc32(footer[: _HEAD.size + 16], zlib.crc32(summary)) != crc:
+        if crc and zlib.crc32(footer[: HEAD.size + 16], zlib.crc32(summary)) != crc:
             return False
         statistics, chunks = None, []
         try:
-            for opcode, body in _records(summary):
+            for opcode, body in records_of(summary):
                 stream = ReadDataStream(BytesIO(body))
                 if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                     self._learn(opcode, body)
@@ -211,7 +203,7 @@ class McapFile:
                     statistics = records.Statistics.read(stream)
                 elif opcode == Opcode.CHUNK_INDEX:
                     chunks.append(records.ChunkIndex.read(stream))
-        except _DAMAGE:
+        except DAMAGE:
             return False
         if statistics is None or not chunks:
             return False
@@ -243,9 +235,9 @@ class McapFile:
         position, run = len(MAGIC), None
         while True:
             file.seek(position)
-            head = file.read(_HEAD.size)
-            opcode, length = _HEAD.unpack(head) if len(head) == _HEAD.size else (0, 0)
-            end = position + _HEAD.size + length
+            head = file.read(HEAD.size)
+            opcode, length = HEAD.unpack(head) if len(head) == HEAD.size else (0, 0)
+            end = position + HEAD.size + length
             whole = end <= self._size
             loose = opcode in (Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL) and whole
             if run is not None and (not loose or end - run > _RUN_BYTES):
@@ -305,113 +297,12 @@ def _chunks_hold_all(file: BinaryIO, chunks: list[records.ChunkIndex], end: int)
     for until, following in (*indexed, (end, 0)):
         while position < until:
             file.seek(position)
-            head = file.read(_HEAD.size)
-            opcode, length = _HEAD.unpack(head) if len(head) == _HEAD.size else (0, 0)
+            head = file.read(HEAD.size)
+            opcode, length = HEAD.unpack(head) if len(head) == HEAD.size else (0, 0)
             if opcode in (0, Opcode.MESSAGE, Opcode.CHUNK):
                 return False
-            position += _HEAD.size + length
+            position += HEAD.size + length
         if position != until:
             return False
         position += following
     return True
-
-
-def _walked(data: bytes | memoryview, *, cut: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Return where each record begins and ends, by going from one to the next."""
-    edges, position, last = [0], 0, len(data) - _HEAD.size
-    note, length_at = edges.append, _LENGTH.unpack_from
-    while position <= last:
-        position += _HEAD.size + length_at(data, position + 1)[0]
-        note(position)
-    if position < len(data):
-        # What is left is not even the head of a record.
-        note(position + _HEAD.size)
-    if edges[-1] > len(data):
-        if not cut:
-            raise ValueError(f'a record reaches {edges[-1] - len(data)} bytes past its end')
-        edges.pop()
-    return np.array(edges[:-1], dtype=np.int64), np.array(edges[1:], dtype=np.int64)
-
-
-def _indexed(data: bytes | memoryview, index: bytes) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return what :func:`_walked` does, from the index behind a chunk.
-
-    None where the index does not account for every byte of the chunk, as it never does where
-    schemas and channels lie between messages.
-    """
-    offsets = []
-    try:
-        for opcode, body in _records(index):
-            if opcode == Opcode.MESSAGE_INDEX:
-                # The channel (2 bytes), the length of the list (4), then times and offsets.
-                offsets.append(np.frombuffer(body, '<i8', offset=6)[1::2])
-    except _DAMAGE:
-        return None
-    if not offsets:
-        return None
-    begins = np.sort(np.concatenate(offsets))
-    if not len(begins) or begins[0] != 0 or begins[-1] > len(data) - _HEAD.size:
-        return None
-    ends = begins + _HEAD.size + _numbers(data, begins + 1, '<i8')
-    if ends[-1] != len(data) or (ends[:-1] != begins[1:]).any():
-        return None
-    return begins, ends
-
-
-def _numbers(data: bytes | memoryview, places: np.ndarray, kind: str) -> np.ndarray:
-    """Return the numbers at any places of the bytes."""
-    dtype = np.dtype(kind)
-    count = len(data) - dtype.itemsize + 1
-    if count < 1:
-        return np.empty(0, dtype)
-    return np.ndarray((count,), dtype, data, strides=(1,))[places]
-
-
-def _unpack_chunk(record: bytes, *, cut: bool) -> bytes | memoryview:
-    """Return the records within a chunk record; of a cut one, as much as can be unpacked."""
-    body = _HEAD.size
-    opcode, length = _HEAD.unpack_from(record)
-    if opcode != Opcode.CHUNK or (length + body != len(record) and not cut):
-        raise ValueError('there is no such chunk')
-    _, _, size, crc, name_length = _CHUNK.unpack_from(record, body)
-    name_end = body + _CHUNK.size + name_length
-    compression = record[body + _CHUNK.size : name_end].decode()
-    stored_size = _LENGTH.unpack_from(record, name_end)[0]
-    stored = memoryview(record)[name_end + 8 : name_end + 8 + stored_size]
-    if size > MAX_PIECE_BYTES:
-        raise ValueError(f'it says that it holds {size} bytes; allowed are {MAX_PIECE_BYTES}')
-    if len(stored) != stored_size and not cut:
-        raise ValueError(f'it has {len(stored)} of {stored_size} bytes')
-    data = _decompress(stored, compression, size, cut=cut)
-    if not cut:
-        if len(data) != size:
-            raise ValueError(f'it holds {len(data)} bytes instead of {size}')
-        if crc and zlib.crc32(data) != crc:
-            raise ValueError('its checksum is wrong')
-    return data
-
-
-def _decompress(
-    stored: memoryview, compression: str, size: int, *, cut: bool
-) -> bytes | memoryview:
-    match compression:
-        case '':
-            return stored
-        case 'zstd':
-            return unpack_zstd(stored, size, cut=cut)
-        case 'lz4':
-            try:
-                return lz4.frame.LZ4FrameDecompressor().decompress(stored, max_length=size + 1)
-            except RuntimeError as error:
-                raise ValueError(f'its lz4 data are invalid: {error}') from error
-    raise ValueError(f'compression {compression!r}; allowed are zstd, lz4 and none')
-
-
-def _records(buffer: bytes) -> Iterator[tuple[int, bytes]]:
-    position = 0
-    while position < len(buffer):
-        opcode, length = _HEAD.unpack_from(buffer, position)
-        position += _HEAD.size + length
-        if position > len(buffer):
-            raise ValueError('a record reaches past the end of the summary')
-        yield opcode, buffer[position - length : position]

@@ -9,21 +9,18 @@ import re
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cache, cached_property, lru_cache, partial
+from functools import cached_property, partial
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
-from rosbags.typesys import (
-    Stores,
-    TypesysError,
-    get_types_from_idl,
-    get_types_from_msg,
-    get_typestore,
-)
 
 from occ_constraints_pkg.bags.mcap_file import McapFile
-from occ_constraints_pkg.bags.qos import parse_profiles
+from occ_constraints_pkg.bags.metadata import (
+    is_compressed_by_message,
+    read_metadata,
+    with_metadata,
+)
 from occ_constraints_pkg.bags.sqlite_file import MAGIC as SQLITE_MAGIC
 from occ_constraints_pkg.bags.sqlite_file import SqliteFile
 from occ_constraints_pkg.bags.storage import (
@@ -35,13 +32,16 @@ from occ_constraints_pkg.bags.storage import (
     in_log_order,
     unpack_zstd,
 )
+from occ_constraints_pkg.bags.typestores import (
+    UndefinedTypeError,
+    find_definitions,
+    find_typestore,
+)
 from occ_constraints_pkg.bags.unpacked import ZSTD_SUFFIXES, Unpacked
-from occ_constraints_pkg.documents import did_you_mean, parse_yaml, read_text
+from occ_constraints_pkg.documents import did_you_mean
 from occ_constraints_pkg.errors import OccError
 
 _SUFFIXES = ('.mcap', '.db3')
-# The generated code of a definition that lacks a part fails on a plain lookup.
-_WRONG_DEFINITION = (TypesysError, KeyError, ValueError, SyntaxError, RecursionError)
 # Types as ROS 2 named them before its release Dashing, without the part 'msg'.
 _FIRST_NAMES = re.compile(r'^(\w+)/(\w+)$')
 
@@ -88,9 +88,9 @@ class Recording:
         self._stores: dict[str, Any] = {}
         self._unpacked = Unpacked()
         metadata = self._find_files()
-        self._message_zstd = _is_compressed_by_message(metadata, self.path)
+        self._message_zstd = is_compressed_by_message(metadata, self.path)
         self._storages = tuple(self._open(file) for file in self.files)
-        self.topics = dict(sorted(_with_metadata(self._all_topics(), metadata).items()))
+        self.topics = dict(sorted(with_metadata(self._all_topics(), metadata).items()))
         if not self.message_count:
             raise OccError(f'{self.path} holds no messages; allowed is a recording with some')
         promised = metadata.get('message_count')
@@ -238,8 +238,8 @@ class Recording:
             OccError: the type is unknown, or its definition cannot be read.
         """
         try:
-            return _parse_definition(self.topics[topic]) or _jazzy().fielddefs
-        except _WRONG_DEFINITION as error:
+            return find_definitions(*_definition(self.topics[topic]))
+        except UndefinedTypeError as error:
             raise self._undefined(topic) from error
 
     def fingerprint(self) -> dict[str, Any]:
@@ -268,7 +268,7 @@ class Recording:
                 )
             self.files = (path,)
             return {}
-        metadata = _read_metadata(path / 'metadata.yaml')
+        metadata = read_metadata(path / 'metadata.yaml')
         # Before version 4 the listed paths began with the directory's own name.
         names = [PurePosixPath(name).name for name in metadata.get('relative_file_paths') or ()]
         if not names:
@@ -315,7 +315,7 @@ class Recording:
         ]
         if known.definition and info.definition and known.definition != info.definition:
             # Definitions that differ in comments are the same.
-            pairs.append(('definitions', *(_parse_or_text(item) for item in (known, info))))
+            pairs.append(('definitions', *(_parsed_or_text(item) for item in (known, info))))
         for what, first, second in pairs:
             if first != second:
                 found = '' if what == 'definitions' else f', {first!r} and {second!r}'
@@ -331,83 +331,18 @@ class Recording:
         )
 
     def _store(self, topic: str) -> Any:
-        info = self.topics[topic]
-        return self._stores.get(info.msgtype) or self._make_store(topic, info)
-
-    def _make_store(self, topic: str, info: TopicInfo) -> Any:
-        """Return a typestore that knows the topic's type.
-
-        Each type of a bag gets a store of its own: bags join topics whose definitions of a shared
-        part differ, and a common store would refuse the second.
-        """
-        try:
-            types = _parse_definition(info)
-            if types:
-                store = get_typestore(Stores.EMPTY)
-                store.register(types)
-            else:
-                store = _jazzy()
-            store.get_msgdef(info.msgtype)
-        except _WRONG_DEFINITION as error:
-            raise self._undefined(topic) from error
-        self._stores[info.msgtype] = store
-        return store
+        if topic not in self._stores:
+            try:
+                self._stores[topic] = find_typestore(*_definition(self.topics[topic]))
+            except UndefinedTypeError as error:
+                raise self._undefined(topic) from error
+        return self._stores[topic]
 
     def _undefined(self, topic: str) -> OccError:
         return OccError(
             f'{self.path} has topic {topic!r} of type {self.topics[topic].msgtype!r}, whose '
             'definition is neither complete in the bag nor part of ROS 2 Jazzy'
         )
-
-
-def _with_metadata(topics: dict[str, TopicInfo], metadata: dict[str, Any]) -> dict[str, TopicInfo]:
-    """Complete topics with the QoS and the serialization that only metadata.yaml may tell."""
-    result = dict(topics)
-    for entry in metadata.get('topics_with_message_count') or ():
-        told = (entry.get('topic_metadata') if isinstance(entry, dict) else None) or {}
-        info = result.get(told.get('name')) if isinstance(told, dict) else None
-        if info is None:
-            continue
-        qos = info.offered_qos or parse_profiles(told.get('offered_qos_profiles'))
-        serialization = str(told.get('serialization_format') or info.serialization)
-        result[told['name']] = replace(info, offered_qos=qos, serialization=serialization)
-    return result
-
-
-def _read_metadata(path: Path) -> dict[str, Any]:
-    if not path.exists():
-        return {}
-    document = parse_yaml(read_text(path), str(path))
-    metadata = document.get('rosbag2_bagfile_information') if isinstance(document, dict) else None
-    if not isinstance(metadata, dict):
-        raise OccError(f'{path} is not the metadata of a rosbag2 recording')
-    version = metadata.get('version')
-    if not isinstance(version, int) or not 1 <= version <= 9:
-        raise OccError(f'{path} has version {version!r}; allowed are 1 to 9')
-    for key, kind in (('relative_file_paths', str), ('topics_with_message_count', dict)):
-        value = metadata.get(key) or []
-        if not isinstance(value, list) or not all(isinstance(item, kind) for item in value):
-            raise OccError(f'{path} is damaged: {key} is not a list of {_KINDS[kind]}')
-    return metadata
-
-
-_KINDS = {str: 'names', dict: 'topics'}
-
-
-def _is_compressed_by_message(metadata: dict[str, Any], path: Path) -> bool:
-    """Tell whether each message is compressed by itself, which only metadata.yaml tells.
-
-    Raises:
-        OccError: the compression is of another format or mode than there should be.
-    """
-    mode = str(metadata.get('compression_mode') or 'none').lower()
-    format_ = str(metadata.get('compression_format') or 'none').lower()
-    if mode not in ('none', 'file', 'message') or (mode != 'none' and format_ != 'zstd'):
-        raise OccError(
-            f'{path} is compressed with {format_!r} by {mode!r}; '
-            "allowed is 'zstd' by file or by message"
-        )
-    return mode == 'message'
 
 
 def _unpack_message(data: bytes) -> bytes:
@@ -426,6 +361,11 @@ def _bare_name(file: Path) -> str:
     return name
 
 
+def _natural(name: str) -> list[Any]:
+    """Sort key that puts ``bag_10`` after ``bag_9``."""
+    return [int(part) if part.isdigit() else part for part in re.split(r'(\d+)', name)]
+
+
 def _as_stored(file: Path) -> Path:
     """Return a listed file under the name it has: some are compressed or unpacked later on."""
     others = [file.with_name(file.name + suffix) for suffix in ZSTD_SUFFIXES]
@@ -433,36 +373,12 @@ def _as_stored(file: Path) -> Path:
     return next((other for other in (file, *others) if other.is_file()), file)
 
 
-def _parse_or_text(info: TopicInfo) -> Any:
+def _definition(info: TopicInfo) -> tuple[str, str, str]:
+    return info.definition, info.definition_format, info.msgtype
+
+
+def _parsed_or_text(info: TopicInfo) -> Any:
     try:
-        return _parse_definition(info)
-    except _WRONG_DEFINITION:
+        return find_definitions(*_definition(info))
+    except UndefinedTypeError:
         return info.definition
-
-
-def _parse_definition(info: TopicInfo) -> dict[str, Any]:
-    return _parsed(info.definition, info.definition_format, info.msgtype)
-
-
-# Bags repeat the same definitions, and parsing one takes as long as reading thousands of messages.
-@lru_cache(maxsize=256)
-def _parsed(definition: str, kind: str, msgtype: str) -> dict[str, Any]:
-    if not definition.strip():
-        return {}
-    if kind == 'ros2msg':
-        return get_types_from_msg(definition, msgtype)
-    types: dict[str, Any] = {}
-    for part in re.split(r'^={80}\n(?:IDL: .*\n)?', definition, flags=re.MULTILINE):
-        if part.strip():
-            types.update(get_types_from_idl(part))
-    return types
-
-
-def _natural(name: str) -> list[Any]:
-    """Sort key that puts ``bag_10`` after ``bag_9``."""
-    return [int(part) if part.isdigit() else part for part in re.split(r'(\d+)', name)]
-
-
-@cache
-def _jazzy() -> Any:
-    return get_typestore(Stores.ROS2_JAZZY)

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import sqlite3
+import struct
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import closing
@@ -24,6 +25,8 @@ from occ_constraints_pkg.bags.storage import (
 from occ_constraints_pkg.errors import OccError
 
 MAGIC = b'SQLite format 3\0'
+# Magic, page size, change counter, number of pages, change counter for which that is valid.
+_HEADER = struct.Struct('>16sH6xII60xI4x')
 _SEGMENT_BYTES = 1 << 20
 _SEGMENT_ROWS = 10_000
 
@@ -54,13 +57,11 @@ class SqliteFile:
         self.segments: list[Segment] = []
         self._counts: Counter[int] = Counter()
         try:
-            size = self._file.stat().st_size
+            is_cut = _is_cut(self._file)
             with closing(_connect(self._file)) as database:
                 topics = dict(_topics(database))
-                (pages,) = database.execute('PRAGMA page_count').fetchone()
-                (page,) = database.execute('PRAGMA page_size').fetchone()
                 # Pages that are missing show only when the bytes of a message are asked for.
-                problem = self._index(database, set(topics), look=size < pages * page)
+                problem = self._index(database, set(topics), look=is_cut)
         except (sqlite3.Error, ValueError, OverflowError) as error:
             raise OccError(f'{path} cannot be read: {str(error).rstrip(".")}') from error
         except OSError as error:
@@ -162,9 +163,30 @@ def _problem(row: Any, topic: Any, time: Any, size: Any, known: set[int], last: 
     return ''
 
 
+def _is_cut(path: Path) -> bool:
+    """Tell whether a database has fewer pages than it says.
+
+    Raises:
+        ValueError: it is no database.
+    """
+    with path.open('rb') as file:
+        header = file.read(_HEADER.size)
+    if len(header) < _HEADER.size or not header.startswith(MAGIC):
+        raise ValueError('file is not a database')
+    _, page, changed, pages, valid = _HEADER.unpack(header)
+    # Whoever changes the file without telling the number of pages leaves the two apart.
+    return changed == valid and path.stat().st_size < pages * (65536 if page == 1 else page)
+
+
 def _connect(path: Path) -> sqlite3.Connection:
-    # Immutable: SQLite neither locks the file nor writes beside it.
-    database = sqlite3.connect(f'{path.absolute().as_uri()}?mode=ro&immutable=1', uri=True)
+    # Immutable: SQLite neither locks the file nor writes beside it. Where there is a write-ahead
+    # log, the file is a copy of ours.
+    log = path.with_name(f'{path.name}-wal')
+    mode = 'rw' if log.exists() and log.stat().st_size else 'ro&immutable=1'
+    database = sqlite3.connect(f'{path.absolute().as_uri()}?mode={mode}', uri=True)
+    if _is_cut(path):
+        # This is how SQLite is told to open a file that lacks pages; nothing is written.
+        database.execute('PRAGMA writable_schema = ON')
     # A text column that is not UTF-8 shall not stop the rest.
     database.text_factory = lambda data: data.decode('utf-8', 'replace')
     database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_PIECE_BYTES)

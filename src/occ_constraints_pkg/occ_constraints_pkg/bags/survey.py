@@ -11,8 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from occ_constraints_pkg.bags.extract import header_stamp_ns
-from occ_constraints_pkg.bags.fields import field_names
+from occ_constraints_pkg.bags.fields import field_names, header_stamp_ns
 from occ_constraints_pkg.bags.recording import Recording
 from occ_constraints_pkg.errors import OccError
 

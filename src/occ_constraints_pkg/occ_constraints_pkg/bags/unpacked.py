@@ -80,4 +80,6 @@ def _decompress(path: Path, target: Path) -> str:
                     f'{path} cannot be read: it unpacks to more than {_MOST_GROWTH} times its size'
                 )
             sink.write(block)
+    if not written:
+        raise OccError(f'{path} is damaged: nothing of it can be unpacked')
     return f'{path} is damaged: {problem}; its first {written} bytes are used' if problem else ''

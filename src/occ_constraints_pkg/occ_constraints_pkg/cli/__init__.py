@@ -10,11 +10,13 @@ from collections.abc import Sequence
 import click
 
 import occ_constraints_pkg
+from occ_constraints_pkg.cli.drive import drive
 from occ_constraints_pkg.cli.experiments import bench, demo, experiment
+from occ_constraints_pkg.cli.export import export
 from occ_constraints_pkg.cli.features import features
 from occ_constraints_pkg.cli.learning import learn
 from occ_constraints_pkg.cli.nodes import node, play, record
-from occ_constraints_pkg.cli.rules import check, prune, score, show
+from occ_constraints_pkg.cli.rules import check, prune, score, show, simplify
 from occ_constraints_pkg.cli.training import evaluate, train
 from occ_constraints_pkg.errors import OccError
 
@@ -53,8 +55,8 @@ def cli(context: click.Context) -> None:
 
 
 for _command in (
-    *(features, learn, show, check, score, prune),
-    *(train, evaluate),
+    *(features, learn, show, check, score, prune, simplify, export),
+    *(train, evaluate, drive),
     *(node, record, play),
     *(demo, bench, experiment),
 ):

@@ -14,6 +14,8 @@ from typing import Any
 
 import click
 
+from occ_constraints_pkg.errors import OccError
+
 FEATURE_MAP_HELP = 'Feature map: a YAML file, or a built-in name such as PointGoal1.'
 DATA = click.argument('paths', metavar='DATA...', nargs=-1, required=True, type=click.Path())
 JSON = click.option('--json', 'as_json', is_flag=True, help='Print one JSON object.')
@@ -33,6 +35,16 @@ def read_data(paths: tuple[str, ...], constraints: Any, where: str) -> Any:
     for warning in data.warnings:
         warn(warning)
     return data
+
+
+def needed_cost(data: Any, paths: tuple[str, ...]) -> Any:
+    """Return the true cost of data that is to be scored on it."""
+    if data.true_cost is None:
+        raise OccError(
+            f'{", ".join(paths)}: no true cost to score on; needed is a column true_cost in the '
+            'pace topic of a recording, or cost or true_cost in a table'
+        )
+    return data.true_cost
 
 
 def warn(sentence: str) -> None:

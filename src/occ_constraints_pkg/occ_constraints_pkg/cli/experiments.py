@@ -4,13 +4,25 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
+from typing import Any
 
 import click
 
-from occ_constraints_pkg.cli.common import JSON, end_tidily, print_json, progress_bar
+from occ_constraints_pkg.cli.common import (
+    DATA,
+    FEATURE_MAP_HELP,
+    JSON,
+    end_tidily,
+    needed_cost,
+    print_json,
+    progress_bar,
+)
+from occ_constraints_pkg.cli.tree_options import seed_option, tree_options, tree_settings
 from occ_constraints_pkg.errors import import_needed
 from occ_constraints_pkg.experiments.benchmarks import BENCHMARKS
+from occ_constraints_pkg.files import make_directory, replacing
 
 
 @click.command()
@@ -59,7 +71,7 @@ def bench(name: str, seconds: float | None, as_json: bool) -> None:
 
 @click.group()
 def experiment() -> None:
-    """Repeat published experiments.
+    """Repeat published experiments, or compare settings on data of your own.
 
     \b
     Example: occ experiment article --set Iris
@@ -136,3 +148,187 @@ def robots(output: str, data: str | None, kinds: tuple[str, ...], as_json: bool)
         print_json(result)
         return
     click.echo((Path(output) / 'robots.md').read_text(encoding='utf-8'))
+
+
+@experiment.command()
+@click.option('-o', '--output', default='results', show_default=True, type=click.Path())
+@click.option(
+    '--episodes', default=50, type=click.IntRange(min=2), show_default=True, help='For the means.'
+)
+@click.option(
+    '--data',
+    type=click.Path(),
+    help='Folder of the records; default: safety_gym_traces in OCC_TEST_DATA or ../shared/data.',
+)
+@JSON
+def worlds(output: str, episodes: int, data: str | None, as_json: bool) -> None:
+    """Compare the Safety-Gym tasks with safety-gymnasium; writes worlds.json and worlds.md.
+
+    \b
+    Example: occ experiment worlds -o results
+    """
+    module = import_needed('occ experiment', 'occ_constraints_pkg.experiments.worlds')
+    with progress_bar('comparing') as progress:
+        result = module.run_worlds(
+            episodes=episodes, folder=Path(data) if data else None, progress=progress
+        )
+    for reason in result['skipped'].values():
+        click.echo(f'skipped: {reason}', err=True)
+    table = module.markdown(result)
+    for name, text in (('worlds.json', json.dumps(result, indent=2) + '\n'), ('worlds.md', table)):
+        with replacing(Path(output) / name) as draft:
+            draft.write_text(text, encoding='utf-8')
+    if as_json:
+        print_json(result)
+        return
+    click.echo(table)
+
+
+@experiment.command()
+@click.option('-o', '--output', default='results', show_default=True, type=click.Path())
+@click.option(
+    '--samples', default=100_000, show_default=True, help='Most samples to learn from, per line.'
+)
+@click.option('--draws', default=5, show_default=True, help='Random draws per line.')
+@click.option('--seed', default=0, type=click.IntRange(min=0), show_default=True)
+@click.option('--world', 'worlds', multiple=True, help='Run only this world; may be repeated.')
+@JSON
+def truth(
+    output: str, samples: int, draws: int, seed: int, worlds: tuple[str, ...], as_json: bool
+) -> None:
+    """Learn from experts whose true cost is known, and compare; writes truth.json, .md and .png.
+
+    A stopped run goes on where it was.
+
+    \b
+    Example: occ experiment truth --world PointGoal1 -o results
+    """
+    module = import_needed('occ experiment', 'occ_constraints_pkg.experiments.truth')
+    with progress_bar('lines') as progress:
+        result = module.run_truth(
+            Path(output),
+            samples=samples,
+            draws=draws,
+            seed=seed,
+            names=worlds,
+            progress=progress,
+        )
+    if as_json:
+        print_json(result)
+        return
+    click.echo((Path(output) / 'truth.md').read_text(encoding='utf-8'))
+
+
+@experiment.command()
+@DATA
+@click.option('-m', '--map', 'map_name', help=f'{FEATURE_MAP_HELP} Recordings need one.')
+@click.option(
+    '--score',
+    'scored',
+    multiple=True,
+    type=click.Path(),
+    help='Recording or table with the true cost, to score each depth on; may be repeated.',
+)
+@click.option('-o', '--output', default='results', show_default=True, type=click.Path())
+@tree_options
+@seed_option
+@JSON
+def depth(
+    paths: tuple[str, ...],
+    map_name: str | None,
+    scored: tuple[str, ...],
+    output: str,
+    seed: int,
+    as_json: bool,
+    **tree: Any,
+) -> None:
+    """Learn once and show the rules of every depth; writes depth.json and depth.png.
+
+    Each line is what `occ learn --depth` gives for that depth, from one tree: coverage of training
+    samples and of held-out episodes, size of the formula and, with --score, precision, recall and
+    F1 on samples whose true cost is known. The picture needs matplotlib.
+
+    \b
+    Example: occ experiment depth bags/safe_drive_1 -m my_robot.yaml --alpha 0.5 -o results
+    """
+    import numpy as np
+
+    from occ_constraints_pkg.bags.demonstrations import read_demonstrations
+    from occ_constraints_pkg.bags.feature_map import load_feature_map
+    from occ_constraints_pkg.learning.ablation import ablate_depth
+    from occ_constraints_pkg.report.depths import depths_document, describe_depths
+
+    # Needed at the end only, but a missing module must show now.
+    picture = import_needed('occ experiment', 'occ_constraints_pkg.report.depth_picture')
+    settings = tree_settings(**tree)
+    feature_map = None if map_name is None else load_feature_map(map_name)
+    truth = None
+    with progress_bar('reading') as progress:
+        data, space = read_demonstrations(paths, feature_map, progress=progress)
+    if scored:
+        with progress_bar('reading') as progress:
+            judged, _ = read_demonstrations(scored, feature_map, space, progress=progress)
+        truth = judged.values, needed_cost(judged, scored)
+    with progress_bar('depths') as progress:
+        results = ablate_depth(
+            data.values,
+            data.episodes,
+            space,
+            settings,
+            rng=np.random.default_rng(seed),
+            truth=truth,
+            progress=progress,
+        )
+    folder = make_directory(output)
+    document = depths_document(results)
+    with replacing(folder / 'depth.json') as draft:
+        draft.write_text(json.dumps(document, indent=2) + '\n', encoding='utf-8')
+    with replacing(folder / 'depth.png') as draft:
+        picture.draw_depths(draft, results)
+    if as_json:
+        print_json(document)
+        return
+    click.echo(describe_depths(results))
+    click.echo(f'Written to {folder / "depth.json"} and {folder / "depth.png"}')
+
+
+@experiment.command()
+@click.option('-o', '--output', default='transfer', show_default=True, type=click.Path())
+@click.option('--source', default='PointGoal1', show_default=True, help='World of the expert.')
+@click.option('--target', help='World of the trainings; default: the same.')
+@click.option(
+    '--expert', default='expert', show_default=True, help='Policy file, or the name of a driver.'
+)
+@click.option('--demonstrations', default=50, show_default=True, help='Episodes of the expert.')
+@click.option('--cost-limit', default='demonstrations', show_default=True)
+@click.option('--steps', default=4_000_000, show_default=True, help='Robot steps per training.')
+@click.option('--first-seed', default=0, show_default=True)
+@click.option('--seeds', default=3, show_default=True, help='Trainings.')
+@JSON
+def transfer(output: str, as_json: bool, **given: Any) -> None:
+    """Learn rules from an expert, train with them, compare; writes transfer.json.
+
+    A stopped run goes on where it was.
+
+    \b
+    Example: occ experiment transfer --expert runs/expert/policy.npz -o results/transfer
+    """
+    module = import_needed('occ experiment', 'occ_constraints_pkg.experiments.transfer')
+    given['target'] = given['target'] or given['source']
+    settings = module.TransferSettings(**given)
+    total = settings.steps * settings.seeds
+    with progress_bar('training', detail=True) as progress:
+        result = module.run_transfer(
+            Path(output),
+            settings,
+            progress=lambda latest: progress(sum(line['steps'] for line in latest.values()), total),
+        )
+    if as_json:
+        print_json(result)
+        return
+    for name in ('expert', 'trained_mean'):
+        line = result[name]
+        click.echo(
+            f'{name.replace("_", " ")}: return {line["return"]:.2f}, true cost {line["cost"]:.2f}, '
+            f'learned cost {line["learned_cost"]:.2f}'
+        )

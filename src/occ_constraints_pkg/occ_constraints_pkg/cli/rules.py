@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Commands on a constraints file: ``occ show``, ``check``, ``score`` and ``prune``."""
+"""Commands on a constraints file: ``occ show``, ``check``, ``score``, ``prune``, ``simplify``."""
 
 from __future__ import annotations
 
@@ -9,24 +9,42 @@ from pathlib import Path
 import click
 
 from occ_constraints_pkg.bags.timeline import BRIDGE_SECONDS, TIMEOUT_SECONDS, make_timeline
-from occ_constraints_pkg.cli.common import DATA, JSON, number, print_json, read_data, warn
-from occ_constraints_pkg.errors import OccError, import_needed
+from occ_constraints_pkg.cli.common import (
+    DATA,
+    JSON,
+    needed_cost,
+    number,
+    print_json,
+    read_data,
+    warn,
+)
+from occ_constraints_pkg.errors import import_needed
+from occ_constraints_pkg.report.evidence import describe_why, why_document
 from occ_constraints_pkg.report.rules import describe_rules
 
 
 @click.command()
 @click.argument('constraints', type=click.Path())
+@click.option('--why', metavar='RULE', help='Show which demonstrations this rule rests on.')
 @JSON
-def show(constraints: str, as_json: bool) -> None:
-    """Print the rules of a constraints file in words.
+def show(constraints: str, why: str | None, as_json: bool) -> None:
+    """Print the rules of a constraints file in words, or why one of them is there.
 
     \b
     Example: occ show constraints.yaml
+             occ show --why R4def0 constraints.yaml
     """
     from occ_constraints_pkg.rules.constraints_file import load_constraints
 
     loaded = load_constraints(constraints)
     rule_set = loaded.rule_set
+    if why is not None:
+        document = why_document(loaded, why)
+        if as_json:
+            print_json(document)
+        else:
+            click.echo(describe_why(document))
+        return
     if as_json:
         rules = [
             {
@@ -152,12 +170,7 @@ def score(constraints: str, paths: tuple[str, ...], min_f1: float | None, as_jso
 
     loaded = load_constraints(constraints)
     data = read_data(paths, loaded, constraints)
-    if data.true_cost is None:
-        raise OccError(
-            f'{", ".join(paths)}: no true cost to score on; needed is a column true_cost in the '
-            'pace topic of a recording, or cost or true_cost in a table'
-        )
-    result = score_rules(loaded.rule_set, data.values, data.true_cost)
+    result = score_rules(loaded.rule_set, data.values, needed_cost(data, paths))
     if as_json:
         print_json(score_document(result, loaded.rule_set.space))
     else:
@@ -176,20 +189,29 @@ def score(constraints: str, paths: tuple[str, ...], min_f1: float | None, as_jso
     help='Disable rules violated in a smaller share of their evaluations.',
 )
 @click.option('-o', '--output', type=click.Path(), help='File to write; default: in place.')
+@click.option(
+    '--counts', type=click.Path(), help="Counters of a monitor (its counts_file); default: FILE's."
+)
 @JSON
-def prune(constraints: str, threshold: float, output: str | None, as_json: bool) -> None:
+def prune(
+    constraints: str, threshold: float, output: str | None, counts: str | None, as_json: bool
+) -> None:
     """Disable rules that are rarely violated, by the counters in the file.
 
-    The counters come from `occ check --count`, from a monitor (~/prune) or from `occ train`.
+    The counters come from `occ check --count`, from `occ train`, or from a monitor (--counts).
 
     \b
     Example: occ prune constraints.yaml --threshold 0.001 -o pruned.yaml
     """
     from occ_constraints_pkg.learning.pruning import prune as prune_rules
     from occ_constraints_pkg.rules.constraints_file import load_constraints
+    from occ_constraints_pkg.rules.kept_counts import read_counts
 
     loaded = load_constraints(constraints)
-    result = prune_rules(loaded.rule_set, threshold)
+    rule_set = loaded.rule_set
+    if counts is not None:
+        rule_set = rule_set.with_counts(read_counts(counts, rule_set))
+    result = prune_rules(rule_set, threshold)
     pruned = loaded.with_rule_set(result.rule_set)
     target = output or constraints
     pruned.save(target)
@@ -205,3 +227,55 @@ def prune(constraints: str, threshold: float, output: str | None, as_json: bool)
         return
     click.echo(describe_rules(pruned, counters=True))
     click.echo(f'{len(result.pruned)} rules disabled; written to {target}')
+
+
+@click.command()
+@click.argument('constraints', type=click.Path())
+@click.option('-o', '--output', type=click.Path(), help='File to write; default: in place.')
+@click.option(
+    '--counted', is_flag=True, help='Also rules with counters; those that change begin at 0.'
+)
+@JSON
+def simplify(constraints: str, output: str | None, counted: bool, as_json: bool) -> None:
+    """Make rules fewer and shorter without changing a verdict.
+
+    Drops what is implied, merges neighbours, removes what other rules contain. Rules that are
+    disabled, have a note, or have counters stay as they are. `occ learn` does this by itself; the
+    command is for files that were edited or written by hand.
+
+    \b
+    Example: occ simplify constraints.yaml -o shorter.yaml
+    """
+    from occ_constraints_pkg.learning.simplification import simplify as simplify_rules
+    from occ_constraints_pkg.rules.constraints_file import load_constraints
+
+    loaded = load_constraints(constraints)
+    result = simplify_rules(loaded.rule_set, counted_too=counted)
+    simpler = loaded.with_equal_rules(result.rule_set)
+    target = output or constraints
+    simpler.save(target)
+    if as_json:
+        print_json(
+            {
+                'output': target,
+                **dict(zip(('rules_before', 'literals_before'), result.before, strict=True)),
+                **dict(zip(('rules', 'literals'), result.after, strict=True)),
+                'changed': {name: list(former) for name, former in result.changed.items()},
+                'removed': list(result.removed),
+                'kept': list(result.kept),
+            }
+        )
+        return
+    click.echo(describe_rules(simpler))
+    click.echo()
+    for name, former in result.changed.items():
+        click.echo(f'{name} stands for {", ".join(former)}')
+    if result.removed:
+        click.echo(f'needed no more: {", ".join(result.removed)}')
+    if result.kept:
+        click.echo(f'left alone for their note or counters: {", ".join(result.kept)}')
+    click.echo(
+        '{} rules with {} literals before, '.format(*result.before)
+        + '{} with {} after; '.format(*result.after)
+        + f'written to {target}'
+    )

@@ -1,15 +1,49 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""``occ train`` and ``occ evaluate``."""
+"""``occ train``, ``evaluate`` and ``drive``."""
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
 from typing import Any
 
 import click
 
-from occ_constraints_pkg.cli.common import JSON, end_tidily, print_json, progress_bar
-from occ_constraints_pkg.errors import import_needed
+from occ_constraints_pkg.cli.common import JSON, number, print_json, progress_bar
+from occ_constraints_pkg.errors import OccError, import_needed
+from occ_constraints_pkg.stopping import parent_is_gone, stop_request
+
+
+def _seeds(_context: Any, _parameter: Any, text: str | None) -> range | None:
+    if text is None:
+        return None
+    first, colon, end = text.partition(':')
+    if not (colon and first.isdecimal() and end.isdecimal() and int(first) < int(end)):
+        raise click.BadParameter(f'got {text!r}; allowed is FIRST:END, as in 0:5 for 0 to 4')
+    return range(int(first), int(end))
+
+
+def _limit(_context: Any, _parameter: Any, text: str) -> float | str:
+    if text == 'demonstrations':
+        return text
+    try:
+        return float(text)
+    except ValueError:
+        raise click.BadParameter(f"got {text!r}; allowed is a number or 'demonstrations'") from None
+
+
+def _learner(_context: Any, _parameter: Any, texts: tuple[str, ...]) -> dict[str, Any]:
+    chosen = {}
+    for text in texts:
+        name, _, value = text.partition('=')
+        try:
+            chosen[name] = json.loads(value)
+        except ValueError:
+            raise click.BadParameter(
+                f'got {text!r}; allowed is NAME=VALUE, as in actor_lr=5e-4'
+            ) from None
+    return chosen
 
 
 @click.command()
@@ -27,7 +61,14 @@ from occ_constraints_pkg.errors import import_needed
     show_default=True,
     help="'true': the world's own cost; 'none': unconstrained; or a constraints file.",
 )
-@click.option('--cost-limit', default=25.0, show_default=True, help='Mean cost per episode.')
+@click.option(
+    '--cost-limit',
+    default='25',
+    show_default=True,
+    metavar='NUMBER',
+    callback=_limit,
+    help="Mean cost per episode; 'demonstrations': the learned cost of the demonstrations.",
+)
 @click.option(
     '--steps', default=1_000_000, type=click.IntRange(min=1), show_default=True, help='Robot steps.'
 )
@@ -39,97 +80,214 @@ from occ_constraints_pkg.errors import import_needed
     help='Robots simulated at once.',
 )
 @click.option('--seed', default=0, type=click.IntRange(min=0), show_default=True)
+@click.option(
+    '--seeds',
+    callback=_seeds,
+    metavar='FIRST:END',
+    help='Several trainings over the cores, each in OUTPUT/seed_N; 0:5 means 0 to 4.',
+)
+@click.option('--resume', is_flag=True, help='Go on from the checkpoint in OUTPUT, if any.')
+@click.option('--device', default='cpu', show_default=True, help='Where updates are computed.')
+@click.option(
+    '--threads',
+    default=0,
+    type=click.IntRange(min=0),
+    show_default=True,
+    help='Threads that step the world; 0: one per core.',
+)
+@click.option(
+    '--set',
+    'learner',
+    multiple=True,
+    metavar='NAME=VALUE',
+    callback=_learner,
+    help='A setting of the learner, as in actor_lr=5e-4; may be repeated.',
+)
+@JSON
 def train(
-    world: str, output: str, cost: str, cost_limit: float, steps: int, robots: int, seed: int
+    world: str,
+    output: str,
+    cost: str,
+    cost_limit: float | str,
+    steps: int,
+    robots: int,
+    seed: int,
+    seeds: range | None,
+    resume: bool,
+    device: str,
+    threads: int,
+    learner: dict[str, Any],
+    as_json: bool,
 ) -> None:
-    """Train a policy in one process, without ROS.
+    """Train a policy in one process, without ROS, or several with different seeds.
+
+    A stopped training (Ctrl-C) is saved; the same command with --resume continues it exactly.
 
     \b
     Example: occ train PointGoal1 --cost constraints.yaml --steps 1000000 -o runs/mine
     """
-    from occ_constraints_pkg.agents.rule_cost import RuleCost
-    from occ_constraints_pkg.agents.training import TrainingDirectory, TrueCost
-    from occ_constraints_pkg.agents.training import train as run_training
-    from occ_constraints_pkg.rules.constraints_file import load_constraints
-    from occ_constraints_pkg.worlds.registry import make_world
-
-    ppo = import_needed('occ train', 'occ_constraints_pkg.agents.ppo_lagrangian')
-    config = ppo.PPOLagrangianConfig(cost_limit=cost_limit, lagrangian=cost != 'none')
-    simulated = make_world(world, robots)
-    constraints = None
-    source: Any = TrueCost()
-    if cost not in ('true', 'none'):
-        constraints = load_constraints(cost)
-        source = RuleCost(constraints, simulated)
-    learner = ppo.PPOLagrangian(
-        config, simulated.columns, simulated.action_columns, simulated.name, seed
+    run = import_needed('occ train', 'occ_constraints_pkg.agents.run')
+    import_needed('occ train', 'occ_constraints_pkg.agents.ppo_lagrangian')
+    settings = run.RunSettings(
+        world, cost, cost_limit, steps, robots, seed, device, threads, learner
     )
-    directory = TrainingDirectory(output)
-    earlier = directory.begin()
-    if earlier:
-        click.echo(f'an earlier training is now in {earlier}', err=True)
-    end_tidily()
+    # Refused before anything is written, and not by each of the seeds.
+    limit = run.check(settings)
+    if seeds is None:
+        _train_one(run, settings, Path(output), resume, as_json)
+    else:
+        _train_several(settings, seeds, Path(output), resume, limit, as_json)
+    if stop_request.made:
+        # All is saved; told and ended as any other stopped command.
+        raise KeyboardInterrupt
+
+
+def _train_one(run: Any, settings: Any, output: Path, resume: bool, as_json: bool) -> None:
+    with stop_request.listening(), progress_bar('training', detail=True) as progress:
+        result = run.run(
+            settings,
+            output,
+            resume=resume,
+            progress=lambda metrics: progress(
+                metrics.steps,
+                settings.steps,
+                f'return {metrics.mean_return:.1f} cost {metrics.mean_cost:.1f} '
+                f'multiplier {metrics.multiplier:.2f} {metrics.steps_per_s:.0f} steps/s',
+            ),
+            is_stopped=lambda: stop_request.made or parent_is_gone(),
+            say=lambda sentence: click.echo(sentence, err=True),
+        )
+    if not result.history:
+        click.echo('stopped before the first update; nothing was learned', err=True)
+        return
+    _draw_curves(output, [result.history], result.cost_limit, settings.cost)
+    if as_json:
+        print_json({'output': str(output), 'cost_limit': result.cost_limit, **result.history[-1]})
+    else:
+        click.echo(f'policy, checkpoint and metrics are in {output}')
+
+
+def _train_several(
+    settings: Any, seeds: range, output: Path, resume: bool, limit: float, as_json: bool
+) -> None:
+    from occ_constraints_pkg.experiments.seeds import seeds_summary, train_seeds
+
+    arguments = [settings.world, '--cost', settings.cost, '--cost-limit', str(settings.cost_limit)]
+    arguments += ['--steps', str(settings.steps), '--robots', str(settings.robots)]
+    arguments += ['--device', settings.device, *(['--resume'] if resume else [])]
+    for name, value in settings.learner.items():
+        arguments += ['--set', f'{name}={json.dumps(value)}']
+    with progress_bar(f'{len(seeds)} seeds', detail=True) as progress:
+
+        def show(latest: dict[int, dict[str, Any]]) -> None:
+            steps = sum(line['steps'] for line in latest.values())
+            rate = sum(line['steps_per_s'] for line in latest.values())
+            progress(steps, settings.steps * len(seeds), f'{len(latest)} begun {rate:.0f} steps/s')
+
+        directories = train_seeds(arguments, seeds, output, progress=show)
+    summary, histories = seeds_summary(directories)
+    if not histories:
+        click.echo('stopped before the first update of any seed; nothing was learned', err=True)
+        return
+    _draw_curves(output, histories, limit, settings.cost)
+    if as_json:
+        print_json({'output': str(output), 'cost_limit': limit, **summary})
+        return
+    for line in summary['seeds']:
+        click.echo(
+            f'{line["directory"]}: {line["steps"]} steps, return {line["return"]:.2f}, '
+            f'cost {line["cost"]:.2f}'
+        )
+    click.echo(
+        f'mean of {len(histories)}: return {_interval(summary, "return")}, '
+        f'cost {_interval(summary, "cost")} (95 % intervals over seeds; during training)'
+    )
+
+
+def _draw_curves(output: Path, histories: list, limit: float, cost: str) -> None:
     try:
-        with progress_bar('training', detail=True) as progress:
-            run_training(
-                simulated,
-                learner,
-                source,
-                seed=seed,
-                total_steps=steps,
-                directory=directory,
-                progress=lambda metrics: progress(
-                    metrics.steps,
-                    steps,
-                    f'return {metrics.mean_return:.1f} cost {metrics.mean_cost:.1f} '
-                    f'multiplier {metrics.multiplier:.2f} {metrics.steps_per_s:.0f} steps/s',
-                ),
-            )
-    finally:
-        # A stopped training is not lost.
-        directory.save(learner)
-        if learner.updates and constraints is not None:
-            counted = constraints.rule_set.with_counts(source.counts)
-            constraints.with_rule_set(counted).save(directory.path / 'constraints.yaml')
-        simulated.close()
-        if learner.updates:
-            click.echo(f'policy, checkpoint and metrics are in {output}')
-        else:
-            click.echo('stopped before the first update; nothing was learned', err=True)
+        from occ_constraints_pkg.report.curves import draw_training
+    except ModuleNotFoundError:
+        click.echo("no curves.png: it needs the extra 'report'", err=True)
+        return
+    draw_training(
+        output / 'curves.png',
+        histories,
+        None if cost == 'none' else limit,
+        cost_name='true cost' if cost in ('true', 'none') else 'learned cost',
+    )
+
+
+def _interval(numbers: dict[str, Any], name: str) -> str:
+    half = numbers[f'{name}_ci95']
+    return f'{numbers[name]:.2f}' + ('' if half is None else f' ± {half:.2f}')
 
 
 @click.command()
-@click.argument('policy', type=click.Path())
-@click.option('--world', help='Default: the one the policy was trained on.')
+@click.argument('policies', metavar='POLICY|DRIVER...', nargs=-1, required=True, type=click.Path())
+@click.option('--world', help='Default: the one the policy was trained on; a driver needs one.')
 @click.option('--episodes', default=50, type=click.IntRange(min=1), show_default=True)
 @click.option('--seed', default=1, type=click.IntRange(min=0), show_default=True)
 @click.option('--explore', is_flag=True, help='Sample actions instead of taking the mean.')
+@click.option(
+    '--cost', type=click.Path(), help='Constraints file that tells the cost; default: true cost.'
+)
 @JSON
 def evaluate(
-    policy: str, world: str | None, episodes: int, seed: int, explore: bool, as_json: bool
+    policies: tuple[str, ...],
+    world: str | None,
+    episodes: int,
+    seed: int,
+    explore: bool,
+    cost: str | None,
+    as_json: bool,
 ) -> None:
-    """Drive fresh episodes with a trained policy; print return and true cost.
+    """Drive fresh episodes with trained policies or drivers; print return and cost.
+
+    Of one policy the 95 % intervals are over episodes, of several over policies.
 
     \b
-    Example: occ evaluate runs/mine/policy.npz --episodes 50
+    Examples: occ evaluate runs/mine/policy.npz --episodes 50
+              occ evaluate expert --world CarGoal1
     """
-    import numpy as np
+    from occ_constraints_pkg.agents.evaluation import evaluate_driver, over_policies
+    from occ_constraints_pkg.rules.constraints_file import load_constraints
 
-    from occ_constraints_pkg.agents.evaluation import evaluate as run_evaluation
-    from occ_constraints_pkg.agents.policy import GaussianPolicy
-    from occ_constraints_pkg.worlds.registry import make_world
-
-    trained = GaussianPolicy.load(policy)
-    simulated = make_world(world or trained.world, min(episodes, 64))
-    trained.check_world(simulated.columns, simulated.action_columns)
-    rng = np.random.default_rng(seed) if explore else None
-    result = run_evaluation(
-        simulated, lambda rows: trained.act(rows, rng), episodes=episodes, seed=seed
-    )
-    simulated.close()
-    numbers = result.as_dict()
+    constraints = None if cost is None else load_constraints(cost)
+    worlds = [world or _world_of(policy) for policy in policies]
+    lines = []
+    with progress_bar('evaluating') as progress:
+        for policy, place in zip(policies, worlds, strict=True):
+            result = evaluate_driver(
+                policy,
+                place,
+                episodes=episodes,
+                seed=seed,
+                explore=explore,
+                constraints=constraints,
+            )
+            lines.append({name: number(value) for name, value in result.as_dict().items()})
+            progress(len(lines), len(policies))
+    if len(lines) == 1:
+        numbers = lines[0]
+    else:
+        numbers = over_policies(lines)
+        named = [{'policy': path, **line} for path, line in zip(policies, lines, strict=True)]
+        if as_json:
+            numbers = {'policies': named, **numbers}
+        for line in named if not as_json else ():
+            click.echo(f'{line["policy"]}: return {line["return"]:.3f}, cost {line["cost"]:.3f}')
     if as_json:
         print_json(numbers)
         return
     for name, value in numbers.items():
-        click.echo(f'{name}: {value:.3f}')
+        click.echo(f'{name}: {"not known" if value is None else format(value, ".3f")}')
+
+
+def _world_of(policy: str) -> str:
+    """Return the world that a policy file was trained in."""
+    from occ_constraints_pkg.agents.policy import GaussianPolicy
+
+    if not policy.endswith('.npz'):
+        raise OccError(f'{policy!r} is no policy file (.npz), and a driver needs --world')
+    return GaussianPolicy.load(policy).world

@@ -21,7 +21,6 @@ from __future__ import annotations
 
 import csv
 import json
-import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -37,7 +36,7 @@ from sklearn.svm import OneClassSVM
 
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.experiments.article_printed import METHODS, NOISE_LEVELS, markdown
-from occ_constraints_pkg.experiments.conditions import machine, versions
+from occ_constraints_pkg.experiments.conditions import data_folder, machine, versions
 from occ_constraints_pkg.learning.octree import fit_tree, oversteps
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.learning.tree import Node
@@ -49,6 +48,7 @@ _LEAST_SAMPLES = 5
 # fixed threshold.
 _FOREST_CONTAMINATION = 0.1
 _FORMAT = 1
+_FOLDER = 'oneclass'
 
 
 @dataclass(frozen=True)
@@ -95,11 +95,6 @@ BENCHMARKS = (
         rows=4435,
     ),
 )
-
-
-def data_folder() -> Path:
-    """Return where the CSV files are looked for: OCC_TEST_DATA/oneclass or beside the project."""
-    return Path(os.environ.get('OCC_TEST_DATA', '../shared/data')) / 'oneclass'
 
 
 def load_benchmark(benchmark: Benchmark, folder: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -149,7 +144,8 @@ def run_article(
         output: directory of the results.
         splits: random splits per cell.
         seed: seed of all chance.
-        folder: where the CSV files lie; default :func:`data_folder`.
+        folder: where the CSV files lie; by default ``oneclass`` in
+            ``OCC_TEST_DATA`` or ``../shared/data``.
         names: the data sets to run; all if empty.
         noise_levels: outliers in percent of the targets.
         progress: called with (cells done, cells in all).
@@ -192,7 +188,7 @@ def run_article(
         if names and benchmark.name not in names:
             continue
         try:
-            values, classes = load_benchmark(benchmark, folder or data_folder())
+            values, classes = load_benchmark(benchmark, folder or data_folder(_FOLDER))
         except OccError as error:
             skipped[benchmark.name] = str(error)
             continue

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Under which conditions something was measured: the machine and the versions in use."""
+"""Under which conditions something was measured: machine, versions, and data beside the project."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import os
 import platform
 from collections.abc import Iterable
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import Any
 
 
@@ -26,3 +27,8 @@ def versions(packages: Iterable[str]) -> dict[str, str]:
         except PackageNotFoundError:
             continue
     return found
+
+
+def data_folder(name: str) -> Path:
+    """Return where data of others is looked for: in OCC_TEST_DATA or beside the project."""
+    return Path(os.environ.get('OCC_TEST_DATA', '../shared/data')) / name

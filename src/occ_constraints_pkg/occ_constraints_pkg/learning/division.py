@@ -16,10 +16,10 @@ from occ_constraints_pkg.learning.density import Density, bandwidth, estimate
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 
 # Attributes with larger values are left alone: a range or a bandwidth further out would overflow.
-_LARGEST = 1e300
-# Part by which the level of mass clipping is lowered, so that rounding where the density crosses
-# it cannot cost the sample, or the many equal ones, that set it.
-_SLACK = 1e-6
+LARGEST = 1e300
+# Bandwidths must be as many times the distance of neighbouring floating-point numbers: a grid has
+# up to 32 cells per bandwidth.
+_LEAST_RESOLUTION = 64
 # Steps between neighbouring values that are looked at in one go.
 _STEPS_AT_ONCE = 4096
 
@@ -43,8 +43,8 @@ def divide(
     ordered: np.ndarray,
     extent: tuple[float, float],
     total: int,
-    tail: float,
     settings: OCTreeSettings,
+    kept: tuple[float, float] | None = None,
 ) -> Division | None:
     """Divide one attribute at one node: clip, revise, assess, shrink, and rate the result.
 
@@ -54,23 +54,22 @@ def divide(
         ordered: (n,) the node's values of the attribute, ascending.
         extent: the node's present interval of the attribute.
         total: number of samples the whole tree is trained on.
-        tail: for clipping by mass: largest share of the node's samples to leave outside.
         settings: the learner's parameters.
+        kept: for clipping by mass: the attribute's interval, see
+            :mod:`~occ_constraints_pkg.learning.trimming`.
 
     Returns:
         The division, or ``None`` when the attribute is not eligible, no interval holds enough
         samples, or the one interval found is the node's own.
     """
-    if max(-extent[0], extent[1]) > _LARGEST or ordered[0] == ordered[-1]:
+    if max(-extent[0], extent[1]) > LARGEST or ordered[0] == ordered[-1]:
         return None
     h = bandwidth(ordered)
     if not is_eligible(ordered, h):
         return None
     density = estimate(ordered, h)
-    if settings.clip == 'density':
-        pieces = clip(density, settings.gamma * float(density.values.max()))
-    else:
-        pieces = clip_mass(density, ordered, tail)
+    level = settings.gamma * float(density.values.max())
+    pieces = clip(density, level) if kept is None else [kept]
     pieces = revise(density, pieces, settings.alpha)
     intervals, counts = assess_and_shrink(ordered, pieces, settings.beta * total)
     if not len(intervals) or (len(intervals) == 1 and tuple(intervals[0]) == extent):
@@ -79,45 +78,30 @@ def divide(
 
 
 def divide_family(
-    smallest: np.ndarray, largest: np.ndarray, extent: tuple[float, float], tail: float
+    smallest: np.ndarray,
+    largest: np.ndarray,
+    extent: tuple[float, float],
+    kept: tuple[float, float],
 ) -> Division | None:
-    """Find one interval for all features of a family: our extension, for clipping by mass.
-
-    The bounds are quantiles of each sample's smallest and largest member, so that at most a share
-    ``tail`` of the samples has any member outside. Directions that the demonstrations hardly
-    showed thus get the bound of the others, not a tighter one of their own. Where a bound cannot
-    cut, because more samples than that lie on it (the empty sectors of a lidar), its share goes
-    to the other one.
+    """Shrink the one interval of all features of a family, for clipping by mass.
 
     Args:
         smallest: (n,) the smallest member of each of the node's samples.
         largest: (n,) the largest member.
         extent: the node's present interval of the family.
-        tail: largest share of the node's samples to leave outside.
+        kept: the family's interval, see :mod:`~occ_constraints_pkg.learning.trimming`.
 
     Returns:
-        The division into one interval, or ``None`` when that is the node's own.
+        The division into one interval, or ``None`` when that is the node's own or empty.
     """
-    lows, highs = np.sort(smallest), np.sort(largest)
-    half = tail / 2
-    low, high = _lower_quantile(lows, half), -_lower_quantile(-highs[::-1], half)
-    if low == lows[0]:
-        high = -_lower_quantile(-highs[::-1], tail)
-    elif high == highs[-1]:
-        low = _lower_quantile(lows, tail)
-    inside = (smallest >= low) & (largest <= high)
+    inside = (smallest >= kept[0]) & (largest <= kept[1])
     if not inside.any():
         return None
     intervals = np.array([[smallest[inside].min(), largest[inside].max()]])
     if tuple(intervals[0]) == extent:
         return None
     counts = np.array([np.count_nonzero(inside)])
-    return Division(intervals, counts, impurity(highs, intervals, counts, extent))
-
-
-def _lower_quantile(ordered: np.ndarray, share: float) -> float:
-    """Return the value below which at most ``share`` of the ascending values lie."""
-    return float(ordered[int(np.floor(share * len(ordered)))])
+    return Division(intervals, counts, impurity(np.sort(largest), intervals, counts, extent))
 
 
 def is_eligible(ordered: np.ndarray, h: float) -> bool:
@@ -125,50 +109,21 @@ def is_eligible(ordered: np.ndarray, h: float) -> bool:
 
     These are rules of local pre-pruning; rule 2 is kept by `octree`. Not when all values are
     equal, and not when the bandwidth is below the smallest step between distinct values: then the
-    data are quantised and a density makes no sense.
+    data are quantised and a density makes no sense. Far from 0 floating-point numbers themselves
+    are so.
 
     Args:
         ordered: (n,) ascending values.
         h: their bandwidth.
     """
+    if h < _LEAST_RESOLUTION * np.spacing(max(-ordered[0], ordered[-1])):
+        return False
     # One small enough step decides, and it is mostly among the first.
     for start in range(0, len(ordered) - 1, _STEPS_AT_ONCE):
         steps = np.diff(ordered[start : start + _STEPS_AT_ONCE + 1])
         if ((steps > 0) & (steps <= h)).any():
             return True
     return False
-
-
-def clip_mass(density: Density, ordered: np.ndarray, tail: float) -> list[tuple[float, float]]:
-    """Return the one stretch from the first to the last value that is not in a thin tail.
-
-    Our extension. The level is such that at most a share ``tail`` of the samples has a smaller
-    density; so a spike at one value, as of an empty lidar bin, cannot cut off everything else, as
-    it does when the level is a share of the largest density. Thin places between dense ones are
-    kept: in data with spikes they are everywhere and mean nothing.
-    """
-    level = _density_rank(density, ordered, int(tail * (len(ordered) - 1)))
-    pieces = clip(density, level * (1.0 - _SLACK))
-    return [(pieces[0][0], pieces[-1][1])]
-
-
-def _density_rank(density: Density, ordered: np.ndarray, rank: int) -> float:
-    """Return the density that exactly ``rank`` of the samples undercut, up to ties.
-
-    Only samples in thin cells of the grid can: those are found first, and only there the density
-    is looked up for each sample.
-    """
-    ends = np.searchsorted(ordered, density.grid)
-    ends[0], ends[-1] = 0, len(ordered)
-    counts = np.diff(ends)
-    thinnest = np.minimum(density.values[:-1], density.values[1:])
-    densest = np.maximum(density.values[:-1], density.values[1:])
-    ascending = np.argsort(densest)
-    enough = np.searchsorted(np.cumsum(counts[ascending]), rank, side='right')
-    bound = densest[ascending[enough]]
-    cells = np.flatnonzero((thinnest <= bound) & (counts > 0))
-    samples = np.concatenate([ordered[ends[cell] : ends[cell + 1]] for cell in cells])
-    return float(np.partition(density.at(samples), rank)[rank])
 
 
 def clip(density: Density, level: float) -> list[tuple[float, float]]:

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from occ_constraints_pkg.errors import OccError, import_needed
-from occ_constraints_pkg.learning.extraction import extract_rules
 from occ_constraints_pkg.learning.octree import fit_tree
 from occ_constraints_pkg.learning.settings import OCTreeSettings
+from occ_constraints_pkg.learning.simplification import extract_and_simplify
 from occ_constraints_pkg.rules.rule import Rule
 from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.rules.space import Feature, FeatureSpace
@@ -57,7 +57,8 @@ class OCTreeClassifier(OutlierMixin, BaseEstimator):
             until so many lie outside, as near as samples with equal margins allow. Those that
             bounds were learned from all have margin 0, and no bound moves where the aim falls
             among them.
-        most_outside: for ``'auto'``: the ``contamination`` of :class:`OCTreeSettings`.
+        most_outside: for ``'auto'``: the ``contamination`` of :class:`OCTreeSettings`; ``None``
+            to estimate it, which without families of features finds samples far out only.
         max_depth: this and the others: see :class:`OCTreeSettings`.
         clip: see there.
         gamma: see there.
@@ -92,20 +93,20 @@ class OCTreeClassifier(OutlierMixin, BaseEstimator):
         >>> detector.predict([[1.0, 0.0], [1.0, 1.5]])
         array([ 1, -1])
         >>> detector.decision_function([[1.0, 0.0], [1.0, 1.5]]).round(2)
-        array([ 0.4 , -0.02])
+        array([ 0.37, -0.06])
         >>> for rule in detector.rule_set_.rules:
         ...     print(rule.words(detector.rule_set_.space))
-        x0 below 0.3787
-        x0 above 1.539
-        x1 below -1.498
-        x1 above 1.437
+        x0 below 0.3771
+        x0 above 1.57
+        x1 below -1.256
+        x1 above 1.3
     """
 
     def __init__(
         self,
         *,
         contamination: float | str = 'auto',
-        most_outside: float = 0.01,
+        most_outside: float | None = 0.01,
         max_depth: int | None = 20,
         clip: str = 'mass',
         gamma: float = 0.05,
@@ -146,9 +147,9 @@ class OCTreeClassifier(OutlierMixin, BaseEstimator):
         try:
             space = FeatureSpace(tuple(Feature(str(name)) for name in names))
             tree = fit_tree(rows, settings)
-            rule_set = extract_rules(
+            rule_set = extract_and_simplify(
                 tree, space, demonstrated, full_conditions=settings.full_conditions
-            )
+            ).rule_set
         except OccError as error:
             raise ValueError(str(error)) from error
         offset = 0.0
@@ -182,8 +183,10 @@ class OCTreeClassifier(OutlierMixin, BaseEstimator):
     def _settings(self) -> OCTreeSettings:
         own = self.get_params()
         share, outside = own.pop('contamination'), own.pop('most_outside')
-        if not 0.0 <= outside < 1.0:
-            raise ValueError(f'most_outside is {outside}; allowed is 0 <= most_outside < 1')
+        if outside is not None and not 0.0 <= outside < 1.0:
+            raise ValueError(
+                f'most_outside is {outside}; allowed are None and 0 <= most_outside < 1'
+            )
         if isinstance(share, str):
             if share != 'auto':
                 raise ValueError(f"contamination is {share!r}; allowed are 'auto' and a number")

@@ -12,18 +12,20 @@ from typing import Any
 import numpy as np
 
 import occ_constraints_pkg
-from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.learning.extraction import extract_rules
+from occ_constraints_pkg.learning.evidence import (
+    MOST_LITERALS,
+    evidence_document,
+    gather_evidence,
+)
 from occ_constraints_pkg.learning.octree import fit_tree
+from occ_constraints_pkg.learning.samples import divide_samples, families
 from occ_constraints_pkg.learning.settings import OCTreeSettings
+from occ_constraints_pkg.learning.simplification import extract_and_simplify
 from occ_constraints_pkg.learning.tree import Node
 from occ_constraints_pkg.rules.constraints_file import Constraints
 from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.rules.space import FeatureSpace
 from occ_constraints_pkg.rules.verdict import Verdict
-
-# With fewer episodes than this, none is held out: too few would be left to learn from.
-_LEAST_EPISODES_TO_HOLD_OUT = 5
 
 
 def learn(
@@ -36,6 +38,7 @@ def learn(
     held_out_share: float = 0.2,
     feature_map: Mapping[str, Any] | None = None,
     bags: Sequence[Mapping[str, Any]] = (),
+    origin: Callable[[int], Mapping[str, int]] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Constraints:
     """Learn constraints from demonstrations.
@@ -53,49 +56,42 @@ def learn(
         held_out_share: share of episodes to hold out when there are five or more.
         feature_map: document of the feature map, kept in the file.
         bags: name, sha256 and messages of each recording, kept in the file.
+        origin: for a position in ``values``: where that sample came from, for the evidence of
+            bounds; ``source`` is a position in ``bags``.
         progress: called with (level, leaves so far) after each level of the tree.
 
     Raises:
         OccError: there is no usable sample, or the share is not within 0 to 1.
     """
-    if not 0.0 <= held_out_share < 1.0:
-        raise OccError(f'held_out_share is {held_out_share}; allowed is 0 <= held_out_share < 1')
     settings = settings if settings is not None else OCTreeSettings()
-    rows = space.check_rows(values)
-    if not len(rows):
-        raise OccError('there are no samples to learn from; allowed are one or more')
-    usable = (
-        np.isfinite(rows).all(axis=1)
-        & (rows >= space.lows).all(axis=1)
-        & (rows <= space.highs).all(axis=1)
+    samples = divide_samples(values, episodes, space, rng=rng, held_out_share=held_out_share)
+    training = samples.training
+    tree = grow(training, space, settings, progress=progress)
+    demonstrated = samples.demonstrated(space, settings)
+    formula = extract_and_simplify(
+        tree, space, demonstrated, full_conditions=settings.full_conditions
     )
-    if not usable.any():
-        raise OccError(
-            f'none of the {len(rows)} samples is usable: each has a value that is missing, not '
-            f'finite or outside the physical bounds{_worst_feature(rows, space)}'
-        )
-    rows, episodes = rows[usable], np.asarray(episodes)[usable]
-    held_out = np.zeros(len(rows), dtype=bool)
-    names = np.unique(episodes)
-    chosen = names[:0]
-    if len(names) >= _LEAST_EPISODES_TO_HOLD_OUT:
-        count = min(round(held_out_share * len(names)), len(names) - 1)
-        chosen = rng.choice(names, size=count, replace=False)
-        held_out = np.isin(episodes, chosen)
-    training = rows[~held_out]
-    tree = fit_tree(training, settings, families=space.families, progress=progress)
-    demonstrated = np.stack([training.min(axis=0), training.max(axis=0)], axis=1)
-    if settings.clip == 'mass':
-        for family in map(list, space.families):
-            demonstrated[family] = demonstrated[family, 0].min(), demonstrated[family, 1].max()
-    rule_set = extract_rules(tree, space, demonstrated, full_conditions=settings.full_conditions)
+    rule_set = formula.rule_set
+    safe = is_safe(rule_set, training)
+    held_out = samples.held_out
+    held_out_safe = is_safe(rule_set, held_out)
     coverage = {
         'training_samples': len(training),
-        'training': _covered(rule_set, training),
-        'held_out_episodes': len(chosen),
-        'held_out_samples': int(held_out.sum()),
-        'held_out': _covered(rule_set, rows[held_out]) if held_out.any() else None,
+        'training': float(np.mean(safe)),
+        'held_out_episodes': samples.held_out_episodes,
+        'held_out_samples': len(held_out),
+        'held_out': float(np.mean(held_out_safe)) if len(held_out) else None,
+        # An unusable sample is UNKNOWN, which costs as much as a violation.
+        'cost_per_episode': int((~safe).sum() + (~held_out_safe).sum() + samples.unusable)
+        / len(np.unique(episodes)),
     }
+    evidence = {}
+    if formula.after[1] <= MOST_LITERALS:
+        evidence = evidence_document(
+            gather_evidence(rule_set, training, safe, samples.episodes, families(space, settings)),
+            space,
+            lambda row: {} if origin is None else origin(samples.positions[row]),
+        )
     provenance = {
         'created': datetime.now(UTC).isoformat(timespec='seconds'),
         'package_version': occ_constraints_pkg.__version__,
@@ -106,9 +102,15 @@ def learn(
         rule_set,
         feature_map,
         tree_document(tree, space),
-        {**asdict(settings), 'unusable_samples': int((~usable).sum())},
+        {
+            **asdict(settings),
+            'unusable_samples': samples.unusable,
+            'extracted_rules': formula.before[0],
+            'extracted_literals': formula.before[1],
+        },
         coverage,
         provenance,
+        evidence,
     )
 
 
@@ -124,11 +126,18 @@ def tree_document(node: Node, space: FeatureSpace) -> dict[str, Any]:
     return {'split': space.names[node.feature], 'branches': branches}
 
 
-def _covered(rule_set: RuleSet, rows: np.ndarray) -> float:
-    return float(np.mean(rule_set.judge(rows).verdict == Verdict.SAFE))
+def grow(
+    training: np.ndarray,
+    space: FeatureSpace,
+    settings: OCTreeSettings,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> Node:
+    """Return the tree that (n, k) usable samples of a feature space give."""
+    limits = np.stack([space.lows, space.highs], axis=1)
+    return fit_tree(training, settings, families=space.families, limits=limits, progress=progress)
 
 
-def _worst_feature(rows: np.ndarray, space: FeatureSpace) -> str:
-    bad = ~(np.isfinite(rows) & (rows >= space.lows) & (rows <= space.highs))
-    worst = int(bad.mean(axis=0).argmax())
-    return f'; worst is {space.names[worst]!r}, unusable in {bad[:, worst].mean():.0%} of them'
+def is_safe(rule_set: RuleSet, rows: np.ndarray) -> np.ndarray:
+    """Tell for each of (n, k) samples whether its verdict is SAFE: (n,) bool."""
+    return rule_set.verdicts(rows) == Verdict.SAFE

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.learning.division import Division, divide, divide_family
 from occ_constraints_pkg.learning.settings import DEEPEST, OCTreeSettings
 from occ_constraints_pkg.learning.tree import Branch, Node
+from occ_constraints_pkg.learning.trimming import Trim, Unit, make_units, most_outside, trim
 
 
 @dataclass
@@ -50,6 +50,7 @@ def fit_tree(
     settings: OCTreeSettings,
     *,
     families: Sequence[Sequence[int]] = (),
+    limits: np.ndarray | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Node:
     """Learn the region that the samples cover.
@@ -62,8 +63,10 @@ def fit_tree(
         values: (n, k) finite samples.
         settings: the learner's parameters.
         families: positions of features that share their bounds, see
-            :func:`~occ_constraints_pkg.learning.division.divide_family`; only clipping by mass
-            heeds them, for the article knows no such thing. A family is divided in one level.
+            :func:`~occ_constraints_pkg.learning.trimming.trim`; only clipping by mass heeds them,
+            for the article knows no such thing. A family is divided in one level.
+        limits: (k, 2) physical bounds of the features; only clipping by mass heeds them. ``None``
+            for none.
         progress: called with (level, leaves so far) after each level.
 
     Returns:
@@ -72,26 +75,30 @@ def fit_tree(
     Raises:
         OccError: no sample, or a value that is not finite.
     """
-    # Column by column, for that is how the samples are read.
-    samples = np.asarray(values, dtype=np.float64, order='F')
-    if samples.ndim != 2 or not samples.size:
-        raise OccError(f'learning needs samples of shape (n, k), got an array of {samples.shape}')
-    if not np.isfinite(samples).all():
-        row, column = np.argwhere(~np.isfinite(samples))[0]
-        raise OccError(
-            f'sample {row}, feature {column} is {samples[row, column]}; learning takes finite '
-            'values only'
-        )
+    samples = _checked(values)
+    deepest = DEEPEST if settings.max_depth is None else settings.max_depth
+    families = families if settings.clip == 'mass' else ()
+    one_box = settings.clip == 'mass' and settings.alpha == 0.0
+    if one_box and not most_outside(len(samples), settings.contamination):
+        # Nothing may be cut. There may be very many features, so it is worth to say so here.
+        return Node()
+    if not one_box:
+        # Column by column, for that is how the samples are read.
+        samples = np.asfortranarray(samples)
+    units = make_units(samples, families, limits)
+    trims: list[Trim | None] | None = None
+    if settings.clip == 'mass':
+        trims = trim(units, settings.contamination)
+        if one_box:
+            return _chain(units, trims, settings, deepest, progress)
     extent = np.stack([samples.min(axis=0), samples.max(axis=0)], axis=1)
-    units = _units(samples, families if settings.clip == 'mass' else ())
     for unit in units:
         extent[list(unit.features)] = unit.smallest.min(), unit.largest.max()
     root = _Growing(np.arange(len(samples)), extent, frozenset())
-    deepest = DEEPEST if settings.max_depth is None else settings.max_depth
     growing, leaves, covered = [root], [], len(samples)
     for level in range(deepest):
         for node in growing:
-            _split(node, units, samples.shape, settings)
+            _split(node, units, trims, len(samples), settings)
         divided = [node for node in growing if node.children]
         if not divided:
             break
@@ -108,37 +115,6 @@ def fit_tree(
         if settings.nu is not None and stable:
             break
     return root.freeze()
-
-
-class _Unit(NamedTuple):
-    """What can be divided: one feature, or a family with the same interval for all members.
-
-    Attributes:
-        features: positions of the members.
-        smallest: (n,) each sample's smallest member; for one feature, its value.
-        largest: (n,) each sample's largest member.
-    """
-
-    features: tuple[int, ...]
-    smallest: np.ndarray
-    largest: np.ndarray
-
-
-def _units(samples: np.ndarray, families: Sequence[Sequence[int]]) -> list[_Unit]:
-    """Return each family, and each feature that is in none, in the order of the features."""
-    together = {member for family in families for member in family}
-    units = [
-        _Unit((feature,), samples[:, feature], samples[:, feature])
-        for feature in range(samples.shape[1])
-        if feature not in together
-    ]
-    for family in map(list, families):
-        smallest, largest = samples[:, family[0]].copy(), samples[:, family[0]].copy()
-        for member in family[1:]:
-            np.minimum(smallest, samples[:, member], out=smallest)
-            np.maximum(largest, samples[:, member], out=largest)
-        units.append(_Unit(tuple(family), smallest, largest))
-    return sorted(units, key=lambda unit: unit.features)
 
 
 def oversteps(covered: int, total: int, nu: float) -> bool:
@@ -164,7 +140,11 @@ def is_stable(children: int, parents: int, covered: int, covered_before: int) ->
 
 
 def _split(
-    node: _Growing, units: list[_Unit], shape: tuple[int, ...], settings: OCTreeSettings
+    node: _Growing,
+    units: Sequence[Unit],
+    trims: Sequence[Trim | None] | None,
+    total: int,
+    settings: OCTreeSettings,
 ) -> None:
     """Divide one node along what gives the purest parts, if anything is eligible.
 
@@ -172,23 +152,27 @@ def _split(
     nodes has come since (article, p. 12-14, local pre-pruning, rule 2). The smallest impurity
     decides (p. 13).
     """
-    total, features = shape
     if len(node.rows) < max(2.0, settings.min_split * total):
         return
-    tail = settings.contamination / features
     best: Division | None = None
     chosen = units[0]
-    for unit in units:
+    for index, unit in enumerate(units):
         if unit.features[0] in node.blocked:
             continue
+        kept = None
+        if trims is not None:
+            cut = trims[index]
+            if cut is None:
+                continue
+            kept = cut.low, cut.high
         extent = tuple(node.extent[unit.features[0]])
         smallest = unit.smallest[node.rows]
-        if len(unit.features) > 1:
-            share = len(unit.features) * tail
-            division = divide_family(smallest, unit.largest[node.rows], extent, share)
+        if unit.is_family and kept is not None:
+            largest = unit.largest[node.rows]
+            division = divide_family(smallest, largest, extent, kept)
         else:
             smallest.sort()
-            division = divide(smallest, extent, total, tail, settings)
+            division = divide(smallest, extent, total, settings, kept)
         if division is not None and (best is None or division.impurity < best.impurity):
             best, chosen = division, unit
     if best is None:
@@ -202,3 +186,83 @@ def _split(
         rows = node.rows[(smallest >= low) & (largest <= high)]
         blocked = node.blocked | set(node.features) if single else frozenset()
         node.children.append(_Growing(rows, extent, blocked))
+
+
+def _checked(values: np.ndarray) -> np.ndarray:
+    try:
+        if np.iscomplexobj(values):
+            raise TypeError('complex numbers')
+        samples = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise OccError(f'learning needs numbers, rows of equal length: {error}') from error
+    if samples.ndim != 2 or not samples.size:
+        raise OccError(f'learning needs samples of shape (n, k), got an array of {samples.shape}')
+    # A sum tells at a glance; finite samples may have an infinite one.
+    with np.errstate(over='ignore', invalid='ignore'):
+        glance = samples.sum()
+    if not np.isfinite(glance) and not np.isfinite(samples).all():
+        row, column = np.argwhere(~np.isfinite(samples))[0]
+        raise OccError(
+            f'sample {row}, feature {column} is {samples[row, column]}; learning takes finite '
+            'values only'
+        )
+    return samples
+
+
+def _chain(
+    units: Sequence[Unit],
+    trims: Sequence[Trim | None],
+    settings: OCTreeSettings,
+    deepest: int,
+    progress: Callable[[int, int], None] | None,
+) -> Node:
+    """Return the tree in which every split has one branch: where nothing is ever revised.
+
+    It is what growing level by level comes to, but that the order of the units is settled at the
+    root. Each interval is shrunk to the samples that are inside so far.
+    """
+    total = len(units[0].smallest)
+    inside = np.ones(total, dtype=bool)
+    outside = np.flatnonzero(~inside)
+    levels: list[tuple[tuple[int, ...], Branch]] = []
+    eligible = [pair for pair in zip(units, trims, strict=True) if pair[1] is not None]
+    for unit, cut in sorted(eligible, key=lambda pair: pair[1].impurity):
+        if len(levels) == deepest or total - len(outside) < max(2.0, settings.min_split * total):
+            break
+        narrowed = inside
+        if cut.extent != (cut.low, cut.high):
+            narrowed = inside & (unit.smallest >= cut.low) & (unit.largest <= cut.high)
+        gone = np.flatnonzero(~narrowed)
+        count = total - len(gone)
+        if count == 0 or count < settings.beta * total:
+            continue
+        interval = _shrunk(unit, cut, narrowed, gone)
+        if interval == cut.extent:
+            continue
+        if settings.nu is not None and oversteps(count, total, settings.nu):
+            break
+        stable = is_stable(1, 1, count, total - len(outside))
+        levels.append((unit.features, Branch(*interval, count, Node())))
+        inside, outside = narrowed, gone
+        if progress is not None:
+            progress(len(levels), 1)
+        if settings.nu is not None and stable:
+            break
+    tree = Node()
+    for features, branch in reversed(levels):
+        for feature in reversed(features):
+            tree = Node(feature, (Branch(branch.low, branch.high, branch.samples, tree),))
+    return tree
+
+
+def _shrunk(unit: Unit, cut: Trim, inside: np.ndarray, outside: np.ndarray) -> tuple[float, float]:
+    """Return the smallest and the largest value inside; bounds of ``cut`` lie on samples.
+
+    Only where one of the few samples outside is at or within a bound is there anything to find.
+    """
+    low, high = cut.low, cut.high
+    if (unit.smallest[outside] == low).any():
+        low = float(unit.smallest.min(where=inside, initial=np.inf))
+    if (unit.largest[outside] == high).any():
+        high = float(unit.largest.max(where=inside, initial=-np.inf))
+    return low, high

@@ -25,6 +25,12 @@ class Pruning:
     pruned: tuple[str, ...]
     untried: tuple[str, ...]
 
+    @property
+    def words(self) -> str:
+        """How many rules were pruned and kept, in words."""
+        text = f'pruned {len(self.pruned)} rules, kept {len(self.rule_set.order)}'
+        return text + (f', {len(self.untried)} of them never tried' if self.untried else '')
+
 
 def prune(rule_set: RuleSet, threshold: float) -> Pruning:
     """Disable the rules whose share of violations among evaluations is below ``threshold``.

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import operator
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,8 +12,6 @@ from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.rules.rule import Rule
 from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.rules.verdict import Verdict
-
-_COMPARE = {'<': operator.lt, '<=': operator.le, '>': operator.gt, '>=': operator.ge}
 
 
 @dataclass(frozen=True)
@@ -163,7 +160,7 @@ def _is_true(rule: Rule, rows: np.ndarray) -> np.ndarray:
     """Return (n,) whether all literals of the rule hold."""
     true = np.ones(len(rows), dtype=bool)
     for literal in rule.literals:
-        true &= _COMPARE[literal.operator](rows[:, literal.feature], literal.bound)
+        true &= literal.holds(rows[:, literal.feature])
     return true
 
 

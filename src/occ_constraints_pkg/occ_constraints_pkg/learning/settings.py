@@ -22,9 +22,10 @@ class OCTreeSettings:
             limit but :data:`DEEPEST`.
         clip: how an attribute's outliers are cut off: ``mass`` (by the share of samples) or
             ``density`` (the article's way, by the share of the largest density).
-        contamination: for ``mass``: share of the demonstrated samples that may lie outside. Each
-            split leaves out at most this over the number of features, so a tree that uses each
-            feature once keeps within it.
+        contamination: for ``mass``: share of the demonstrated samples that may lie outside; it
+            is spent where it makes the safe set smallest. ``None`` estimates where the bounds
+            are, with at most :data:`~occ_constraints_pkg.learning.trimming.MOST_ESTIMATED` of the
+            samples outside.
         gamma: for ``density``: share of the largest density below which values are outliers.
         alpha: a minimum of the density at most this share of the lower neighbouring maximum
             splits an interval; 0 never splits. The article advises 0.5.
@@ -42,7 +43,7 @@ class OCTreeSettings:
 
     max_depth: int | None = 20
     clip: str = 'mass'
-    contamination: float = 0.01
+    contamination: float | None = None
     gamma: float = 0.05
     alpha: float = 0.0
     beta: float = 0.0001
@@ -85,6 +86,8 @@ class OCTreeSettings:
             raise OccError(f'max_depth is {self.max_depth}; allowed is 0 to {DEEPEST}')
         for name in ('contamination', 'gamma', 'beta', 'min_split'):
             value = getattr(self, name)
+            if value is None and name == 'contamination':
+                continue
             if not 0.0 <= value < 1.0:
                 raise OccError(f'{name} is {value}; allowed is 0 <= {name} < 1')
         if not 0.0 <= self.alpha <= 1.0:

@@ -4,8 +4,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -76,3 +76,36 @@ class Node:
         if self.feature is None:
             return 0
         return 1 + max(branch.node.depth for branch in self.branches)
+
+    def levels(self, families: Sequence[Sequence[int]] = ()) -> int:
+        """Return the number of levels in which the tree was grown.
+
+        Args:
+            families: positions of features that were divided together; the splits of a family
+                follow each other and are one level.
+        """
+        if self.feature is None:
+            return 0
+        own = _ends_level(self.feature, families)
+        return own + max(branch.node.levels(families) for branch in self.branches)
+
+    def cut(self, levels: int, families: Sequence[Sequence[int]] = ()) -> Node:
+        """Return the tree as it was after so many levels of growth.
+
+        Since a split depends on nothing below it, that is the tree that a smaller depth limit
+        gives.
+
+        Args:
+            levels: how many to keep.
+            families: see :meth:`levels`.
+        """
+        if self.feature is None or levels <= 0:
+            return Node()
+        left = levels - _ends_level(self.feature, families)
+        branches = (replace(item, node=item.node.cut(left, families)) for item in self.branches)
+        return replace(self, branches=tuple(branches))
+
+
+def _ends_level(feature: int, families: Sequence[Sequence[int]]) -> int:
+    """Return 1 unless the feature is a member of a family, and not the last."""
+    return int(all(feature not in family or feature == family[-1] for family in families))

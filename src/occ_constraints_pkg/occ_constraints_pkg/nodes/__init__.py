@@ -10,7 +10,16 @@ from collections.abc import Callable
 from occ_constraints_pkg.errors import OccError, import_needed
 from occ_constraints_pkg.stopping import stop_request
 
-NODES = ('sim', 'policy', 'recorder', 'player', 'tree_learner', 'monitor', 'constrained_learner')
+NODES = (
+    'sim',
+    'policy',
+    'recorder',
+    'player',
+    'tree_learner',
+    'monitor',
+    'gate',
+    'constrained_learner',
+)
 
 
 def run(name: str, argv: list[str] | None = None) -> int:

@@ -6,15 +6,14 @@ from __future__ import annotations
 
 import math
 import time
+from typing import Any
 
 import numpy as np
 from sensor_msgs.msg import PointCloud2
 
-from occ_constraints_pkg.agents.ppo_lagrangian import (
-    PPOLagrangian,
-    PPOLagrangianConfig,
-    torch_device,
-)
+from occ_constraints_pkg.agents.networks import torch_device
+from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian
+from occ_constraints_pkg.agents.settings import PPOLagrangianConfig
 from occ_constraints_pkg.agents.training import TrainingDirectory
 from occ_constraints_pkg.bags.table import Table
 from occ_constraints_pkg.ros.lockstep import Pairing
@@ -26,6 +25,9 @@ from occ_constraints_pkg.rules.verdict import Verdict
 from occ_constraints_pkg.worlds.base import World
 from occ_constraints_pkg.worlds.registry import world_class
 
+# How often the node looks whether it gets what it needs, and how long it waits in silence.
+_LOOK_SECONDS, _SILENT_SECONDS = 0.5, 2.0
+
 
 class ConstrainedLearner(OccNode):
     """Acts when it holds observation and costs of one stamp; updates when its rollout is full."""
@@ -33,6 +35,9 @@ class ConstrainedLearner(OccNode):
     def __init__(self) -> None:
         super().__init__('constrained_learner')
         output = self.parameter('output', 'training', 'directory for policy, metrics, checkpoint')
+        self._resume = self.parameter(
+            'resume', False, 'go on from the checkpoint in output, if there is one'
+        )
         self._total = self.parameter(
             'total_steps', 1_000_000, 'robot steps after which training ends', low=1
         )
@@ -51,17 +56,23 @@ class ConstrainedLearner(OccNode):
             rollout_steps=self.parameter(
                 'rollout_steps', defaults.rollout_steps, 'steps per robot and update', low=2
             ),
+            decay_steps=self._total,
             device=self.parameter('device', defaults.device, 'torch device, cpu or cuda'),
         )
         # Refused now, not when the first observation comes.
         torch_device(self._config.device)
-        self._directory = TrainingDirectory(output)
+        fixed = {'cost_limit': self._config.cost_limit, 'rollout_steps': self._config.rollout_steps}
+        self._directory = TrainingDirectory(output, {**fixed, 'seed': self._seed})
         self._learner: PPOLagrangian | None = None
         self._kind: type[World] | None = None
         self._step_ns = 0
         self._began = 0.0
         self._answered: int | None = None
         self._answer: PointCloud2 | None = None
+        # When the last step came, why the newest is no step, and whether waiting has been told.
+        self._paired = self.steady_seconds()
+        self._problem = ''
+        self._waits = False
 
         self._action = self.create_publisher(
             PointCloud2, 'action', STEPS, qos_overriding_options=overridable()
@@ -69,11 +80,16 @@ class ConstrainedLearner(OccNode):
         self._training = self.create_publisher(
             PointCloud2, 'training', VERDICTS, qos_overriding_options=overridable()
         )
-        pairing = Pairing(self._on_step)
-        for topic, callback in (('observation', pairing.on_first), ('costs', pairing.on_second)):
-            self.create_subscription(
-                PointCloud2, topic, callback, STEPS, qos_overriding_options=overridable()
-            )
+        self._pairing = Pairing(self._on_step)
+        self._observation = self._listen('observation', self._pairing.on_first)
+        self._costs = self._listen('costs', self._pairing.on_second)
+        self.steady_timer(_LOOK_SECONDS, self._watch)
+
+    def _listen(self, topic: str, callback: Any) -> str:
+        subscription = self.create_subscription(
+            PointCloud2, topic, callback, STEPS, qos_overriding_options=overridable()
+        )
+        return subscription.topic_name
 
     def _on_step(self, observation: PointCloud2, costs: PointCloud2) -> None:
         stamp = to_nanoseconds(observation.header.stamp)
@@ -82,22 +98,31 @@ class ConstrainedLearner(OccNode):
             self._action.publish(self._answer)
             return
         verdicts = Table.from_message(costs)
-        if (verdicts.column('verdict') == Verdict.UNKNOWN).any():
+        unknown = verdicts.column('verdict') == Verdict.UNKNOWN
+        if unknown.all():
+            # No cost at all: the step is left open until the monitor knows.
+            self._problem = 'the monitor says UNKNOWN of every robot'
+            return
+        if unknown.any():
             self.get_logger().warning(
-                'the monitor says UNKNOWN, which costs as much as a violation',
+                f'the monitor says UNKNOWN of {unknown.sum()} robot(s), which costs as much as a '
+                'violation',
                 throttle_duration_sec=5.0,
             )
+        self._go_on()
         batch = step_batch(Table.from_message(observation))
         world = observation.header.frame_id
         learner = self._learner or self._start(world)
-        if self._answered is not None and stamp != self._answered + self._step_ns:
-            # Not the successor of the step answered last: the simulation was started anew.
-            learner.interrupt(new_episodes=not batch.episode.any())
+        if self._answered is None or stamp != self._answered + self._step_ns:
+            # First states are those of episode 0 to which no step led, hence without reward.
+            self._interrupt(learner, is_start=not (batch.episode.any() or batch.reward.any()))
         updates = learner.updates
         action = learner.act(batch, verdicts.column('cost'))
         answer = action_table(self._kind.action_columns, action)
         self._answer, self._answered = table_message(answer, stamp, world), stamp
         self._action.publish(self._answer)
+        # An update may have taken long, which is no waiting.
+        self._paired = self.steady_seconds()
         if learner.updates > updates:
             self._report(stamp)
         limit = self._seconds or math.inf
@@ -107,20 +132,68 @@ class ConstrainedLearner(OccNode):
     def _start(self, world: str) -> PPOLagrangian:
         kind = self._kind = world_class(world)
         self._step_ns = round(kind.step_seconds * 1e9)
-        self._learner = PPOLagrangian(
-            self._config, kind.columns, kind.action_columns, world, self._seed
-        )
-        earlier = self._directory.begin()
-        if earlier:
-            self.get_logger().info(f'an earlier training is now in {earlier}')
+        if self._resume and self._directory.has_checkpoint:
+            learner, _ = self._directory.resume(device=self._config.device, decay_steps=self._total)
+            learner.policy().check_world(kind.columns, kind.action_columns)
+            self.get_logger().info(
+                f'training on {world} goes on from {learner.steps} steps, {learner.updates} updates'
+            )
+        else:
+            learner = PPOLagrangian(
+                self._config, kind.columns, kind.action_columns, world, self._seed
+            )
+            earlier = self._directory.begin()
+            if earlier:
+                self.get_logger().info(f'an earlier training is now in {earlier}')
+            self.get_logger().info(f'training on {world}')
+        self._learner = learner
         self._began = time.monotonic()
-        self.get_logger().info(f'training on {world}')
-        return self._learner
+        return learner
+
+    def _interrupt(self, learner: PPOLagrangian, *, is_start: bool) -> None:
+        """Begin with a state that is not the successor of the one answered last."""
+        if not is_start:
+            self.get_logger().warning(
+                'the simulation is under way; its episodes up to here do not count in the means'
+            )
+        elif self._answered is not None:
+            self.get_logger().warning(
+                'the simulation has started anew; the step under way is dropped'
+            )
+        learner.interrupt(new_episodes=is_start)
+
+    def _watch(self) -> None:
+        """Say what is missing while no step comes; runs on the steady clock."""
+        waited = self.steady_seconds() - self._paired
+        if waited < _SILENT_SECONDS:
+            return
+        first = self._pairing.first
+        is_answered = first is None or to_nanoseconds(first.header.stamp) == self._answered
+        if not self.count_publishers(self._observation):
+            problem = f'nobody publishes {self._observation}: there is no simulation'
+        elif not self.count_publishers(self._costs):
+            problem = f'nobody publishes {self._costs}: there is no monitor'
+        else:
+            silent = self._observation if is_answered else self._costs
+            problem = self._problem or f'nothing new comes on {silent}'
+        self._waits = True
+        self.get_logger().warning(
+            f'training waits since {waited:.0f} s: {problem}', throttle_duration_sec=5.0
+        )
+
+    def _go_on(self) -> None:
+        """Note that a step came."""
+        if self._waits:
+            waited = self.steady_seconds() - self._paired
+            self.get_logger().info(f'training goes on after {waited:.1f} s')
+        self._paired, self._problem, self._waits = self.steady_seconds(), '', False
 
     def _report(self, stamp: int) -> None:
         metrics = self._learner.metrics
-        numbers = metrics.as_dict()
         self._directory.add(self._learner)
+        if self._directory.is_due:
+            self._directory.save(self._learner)
+        numbers = metrics.as_dict()
         values = np.array([list(numbers.values())], dtype=np.float64)
         self._training.publish(table_message(Table(tuple(numbers), values), stamp))
         self.get_logger().info(

@@ -7,7 +7,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Float64, String
@@ -17,7 +16,6 @@ from visualization_msgs.msg import MarkerArray
 from occ_constraints_pkg.bags.extract import FeatureExtractor, FeatureRows
 from occ_constraints_pkg.bags.feature_map import map_of
 from occ_constraints_pkg.bags.fields import header_stamp_ns
-from occ_constraints_pkg.bags.table import Table
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.learning.pruning import prune
 from occ_constraints_pkg.ros.arrival import ArrivalClock
@@ -27,13 +25,14 @@ from occ_constraints_pkg.ros.markers import verdict_marker
 from occ_constraints_pkg.ros.messages import table_message
 from occ_constraints_pkg.ros.process import OccNode, run_node
 from occ_constraints_pkg.ros.qos import LATCHED, VERDICTS, overridable
-from occ_constraints_pkg.ros.tables import RULE_COLUMNS, costs_table
-from occ_constraints_pkg.rules import Judgement, RuleCounts
+from occ_constraints_pkg.ros.tables import costs_table, rule_stats_table
+from occ_constraints_pkg.rules import Judgement
 from occ_constraints_pkg.rules.constraints_file import (
     Constraints,
     load_constraints,
     parse_constraints,
 )
+from occ_constraints_pkg.rules.kept_counts import KeptCounts
 
 _REPORT_SECONDS = 1.0
 _DISABLED = 'the monitor is disabled'
@@ -64,11 +63,12 @@ class Monitor(OccNode):
         self._pruned_file = self.parameter(
             'pruned_file', '', 'where ~/prune writes the constraints file; none: nowhere'
         )
+        self._counts_file = self.parameter('counts_file', '', 'where counters outlive a restart')
         self._enabled = self.parameter('enabled', True, 'judge from the start; see ~/enable')
 
         self._constraints: Constraints | None = None
         self._received: str | None = None
-        self._counts: RuleCounts | None = None
+        self._counts: KeptCounts | None = None
         self._extractor: FeatureExtractor | None = None
         self._topics: MappedTopics | None = None
         self._answer: _Answer | None = None
@@ -121,10 +121,11 @@ class Monitor(OccNode):
                 self._topics.close()
             self._topics, self._extractor = topics, FeatureExtractor(feature_map)
             self._heard = self.steady_seconds()
-        self._constraints, self._counts = constraints, RuleCounts(rule_set)
+        self._constraints, self._counts = constraints, KeptCounts(rule_set, self._counts_file)
         self._answer, self._problem = None, 'no input since the rules came'
         self.get_logger().info(
             f'{len(rule_set.order)} enabled rules from {where}, rule set {rule_set.fingerprint}'
+            + (f'; counters go on from {self._counts_file}' if self._counts.resumed else '')
         )
         if not len(rule_set.order):
             self.get_logger().warning(f'{where} enables no rule, so nothing will be a violation')
@@ -157,7 +158,7 @@ class Monitor(OccNode):
             self._say_unknown(problem, rows.stamp_ns)
             return
         judgement = self._constraints.rule_set.judge(rows.values)
-        self._counts.add(judgement)
+        self._counts.add_stamped(judgement, rows.stamp_ns)
         self._answer = answer = _Answer(rows, judgement)
         self._costs.publish(table_message(costs_table(judgement), rows.stamp_ns))
         self._publish_verdict(answer)
@@ -189,7 +190,13 @@ class Monitor(OccNode):
         self._cost.publish(Float64(data=1.0))
         self._violation.publish(unknown_message(reason, stamp_ns))
 
+    def close(self) -> None:
+        """Keep the counters."""
+        if self._counts is not None:
+            self._counts.keep()
+
     def _report(self) -> None:
+        self.close()
         if self._is_stale:
             # Again, for whoever has come since.
             self._say_stale()
@@ -201,10 +208,8 @@ class Monitor(OccNode):
         }
         if self._constraints is not None:
             values['rule_set'] = self._constraints.rule_set.fingerprint
-            counts = np.stack([self._counts.evaluated, self._counts.violated], axis=1)
-            if len(counts):
-                table = Table(RULE_COLUMNS, counts.astype(np.float64))
-                self._rule_stats.publish(table_message(table, now))
+            if self._constraints.rule_set.rules:
+                self._rule_stats.publish(table_message(rule_stats_table(self._counts), now))
         name = f'{self.get_fully_qualified_name().lstrip("/")}: judging'
         judgement = None if self._problem else self._answer.judgement
         self._diagnostics.publish(report_message(name, judgement, self._problem, values, now))
@@ -215,17 +220,12 @@ class Monitor(OccNode):
                 raise OccError('there is no rule set yet')
             result = prune(self._constraints.rule_set.with_counts(self._counts), self._threshold)
             pruned = self._constraints.with_rule_set(result.rule_set)
+            response.success, response.message = True, result.words
             if self._pruned_file:
                 pruned.save(self._pruned_file)
-            kept = len(result.rule_set.order)
-            self._constraints, self._counts = pruned, RuleCounts(result.rule_set)
+                response.message += f'; written to {self._pruned_file}'
+            self._constraints, self._counts = pruned, KeptCounts(result.rule_set, self._counts_file)
             self._answer, self._problem = None, 'no input since the rules were pruned'
-            response.success = True
-            response.message = (
-                f'pruned {len(result.pruned)} rules, kept {kept}'
-                + (f', {len(result.untried)} of them never tried' if result.untried else '')
-                + (f'; written to {self._pruned_file}' if self._pruned_file else '')
-            )
         except OccError as error:
             response.success, response.message = False, str(error)
         return response

@@ -7,6 +7,7 @@ from __future__ import annotations
 import time
 
 import numpy as np
+from geometry_msgs.msg import Twist
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 
@@ -14,7 +15,8 @@ from occ_constraints_pkg.bags.table import Table
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.ros.messages import table_message, to_nanoseconds, to_time
 from occ_constraints_pkg.ros.process import OccNode, run_node
-from occ_constraints_pkg.ros.qos import SETTLED_LOOKS, STEPS, overridable
+from occ_constraints_pkg.ros.qos import SENSORS, SETTLED_LOOKS, STEPS, overridable
+from occ_constraints_pkg.ros.sensors import RobotSensors, twist_command
 from occ_constraints_pkg.ros.tables import observation_table
 from occ_constraints_pkg.worlds.registry import make_world
 from occ_constraints_pkg.worlds.stream import EpisodeStream, StepBatch
@@ -45,6 +47,14 @@ class Sim(OccNode):
             'episodes', 0, 'end when every robot has finished as many episodes; 0: never', low=0
         )
         with_clock = self.parameter('publish_clock', False, 'publish simulated time on /clock')
+        by_velocity = self.parameter(
+            'drive_by_cmd_vel',
+            False,
+            'take cmd_vel instead of action, for the only robot; in real time unless rate is set',
+        )
+        self._velocity_timeout = self.parameter(
+            'cmd_vel_timeout', 0.5, 'seconds without cmd_vel until the robot stops', low=0.01
+        )
 
         self._world = make_world(name, robots, threads=threads)
         self._stream = EpisodeStream(self._world, seed=seed)
@@ -54,21 +64,34 @@ class Sim(OccNode):
         self._step_ns = round(self._world.step_seconds * 1e9)
         self._waiting: np.ndarray | None = None
         self._message: PointCloud2 | None = None
+        if by_velocity and (robots > 1 or self._world.view_kinds is None):
+            raise OccError(
+                f'parameter drive_by_cmd_vel drives one robot of a Safety-Gym task; '
+                f'got {robots} of {name}'
+            )
+        if by_velocity and rate == 0.0:
+            rate = 1.0 / self._world.step_seconds
         self._in_step = rate == 0.0
+        self._command = (0.0, 0.0)
         self._finished = np.zeros(robots, dtype=np.int64)
 
         self._observation = self.create_publisher(
             PointCloud2, 'observation', STEPS, qos_overriding_options=overridable()
         )
         self._clock_publisher = self.create_publisher(Clock, '/clock', 10) if with_clock else None
-        self.create_subscription(
-            PointCloud2, 'action', self._on_action, STEPS, qos_overriding_options=overridable()
-        )
+        self._sensors = RobotSensors(self, self._world)
+        if by_velocity:
+            self.create_subscription(Twist, 'cmd_vel', self._on_velocity, SENSORS)
+            self._stop_timer = self.steady_timer(self._velocity_timeout, self._stop)
+        else:
+            self.create_subscription(
+                PointCloud2, 'action', self._on_action, STEPS, qos_overriding_options=overridable()
+            )
         self._looks = 0
         self._start_timer = self.steady_timer(_LOOK_SECONDS, self._start)
         self._repeat_timer = self.steady_timer(repeat_after, self._repeat)
         if not self._in_step:
-            self.steady_timer(1.0 / rate, self._tick)
+            self.steady_timer(1.0 / rate, self._tick_by_velocity if by_velocity else self._tick)
         self.get_logger().info(
             f'{name} with {robots} robot(s), waiting for {self._wanted} subscriber(s)'
         )
@@ -111,6 +134,20 @@ class Sim(OccNode):
         if action is not None:
             self._step(action)
 
+    def _on_velocity(self, message: Twist) -> None:
+        try:
+            self._command = twist_command(message)
+            self._stop_timer.reset()
+        except OccError as error:
+            self.get_logger().error(f'cmd_vel ignored: {error}', throttle_duration_sec=1.0)
+
+    def _stop(self) -> None:
+        self._command = (0.0, 0.0)
+
+    def _tick_by_velocity(self) -> None:
+        if self._message is not None:
+            self._step(self._world.action_for(0, *self._command)[None])
+
     def _step(self, action: np.ndarray) -> None:
         batch = self._stream.step(action)
         self._stamp += self._step_ns
@@ -126,6 +163,7 @@ class Sim(OccNode):
         self._message = table_message(table, self._stamp, self._world.name)
         if self._clock_publisher is not None:
             self._clock_publisher.publish(Clock(clock=to_time(self._stamp)))
+        self._sensors.publish(self._stamp)
         self._observation.publish(self._message)
         self._repeat_timer.reset()
 

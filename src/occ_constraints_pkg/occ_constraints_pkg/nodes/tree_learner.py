@@ -11,7 +11,7 @@ import numpy as np
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from occ_constraints_pkg.bags.demonstrations import learn_from_recordings
+from occ_constraints_pkg.bags.demonstrations import learn_from_files
 from occ_constraints_pkg.bags.extract import FeatureExtractor
 from occ_constraints_pkg.bags.feature_map import load_feature_map
 from occ_constraints_pkg.errors import OccError
@@ -48,10 +48,18 @@ class TreeLearner(OccNode):
                 field.name, getattr(defaults, field.name), 'see docs/method.md'
             )
             for field in fields(defaults)
-            if field.name not in ('max_depth', 'nu')
+            if field.name not in ('max_depth', 'nu', 'contamination')
         }
+        share = self.parameter(
+            'contamination', -1.0, 'share of samples that may lie outside; below 0: estimated'
+        )
         nu = self.parameter('nu', 1.0, 'share of samples that may lie outside; 1: any', high=1.0)
-        self._settings = OCTreeSettings(max_depth=depth, nu=None if nu >= 1.0 else nu, **chosen)
+        self._settings = OCTreeSettings(
+            max_depth=depth,
+            nu=None if nu >= 1.0 else nu,
+            contamination=None if share < 0.0 else share,
+            **chosen,
+        )
         if not name:
             raise OccError(
                 "parameter 'feature_map' of node 'tree_learner' is missing; "
@@ -70,7 +78,7 @@ class TreeLearner(OccNode):
         if bags:
             self.get_logger().info(f'learning from {", ".join(bags)}')
             with stop_request.interrupting():
-                constraints = learn_from_recordings(
+                constraints = learn_from_files(
                     bags,
                     self._map,
                     self._settings,

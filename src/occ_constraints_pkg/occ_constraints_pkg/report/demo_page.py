@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import json
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -14,9 +13,11 @@ from jinja2 import Environment, StrictUndefined
 
 from occ_constraints_pkg.agents.drivers import find_driver
 from occ_constraints_pkg.agents.rule_cost import RuleCost
+from occ_constraints_pkg.agents.training import read_metrics
 from occ_constraints_pkg.bags.extract import extract
 from occ_constraints_pkg.bags.feature_map import FeatureMap
-from occ_constraints_pkg.report.pictures import draw_drives, draw_rules, draw_training
+from occ_constraints_pkg.report.curves import draw_training
+from occ_constraints_pkg.report.pictures import draw_drives, draw_rules
 from occ_constraints_pkg.rules.constraints_file import Constraints
 from occ_constraints_pkg.worlds.registry import world_class
 
@@ -58,9 +59,8 @@ def write_demo_page(
     feature_map = FeatureMap.from_document(constraints.feature_map, 'the constraints')
     data = extract([output / 'demonstrations'], feature_map)
     draw_rules(output / 'rules.png', constraints.rule_set, data.values)
-    log = (output / 'training' / 'metrics.jsonl').read_text(encoding='utf-8')
-    history = [json.loads(line) for line in log.splitlines()]
-    draw_training(output / 'training.png', history, cost_limit)
+    history = read_metrics(output / 'training' / 'metrics.jsonl')
+    draw_training(output / 'training.png', [history], cost_limit, cost_name='learned cost')
 
     rule_set = constraints.rule_set
     template = resources.files(__package__).joinpath('demo_page.html.j2').read_text('utf-8')

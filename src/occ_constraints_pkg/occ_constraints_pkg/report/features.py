@@ -11,7 +11,8 @@ import textwrap
 from collections.abc import Sequence
 from typing import Any
 
-from occ_constraints_pkg.bags.suggest import Candidate, Suggestion
+from occ_constraints_pkg.bags.recipes import Candidate
+from occ_constraints_pkg.bags.suggest import Suggestion
 from occ_constraints_pkg.bags.yields import FeatureYield, MapYield
 
 _WIDTH = 98

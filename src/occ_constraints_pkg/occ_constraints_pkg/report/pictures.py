@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import matplotlib as mpl
 
@@ -17,11 +16,13 @@ from matplotlib import pyplot as plt
 from matplotlib.patches import Circle
 
 from occ_constraints_pkg.agents.rule_cost import RuleCost
+from occ_constraints_pkg.report.film import COLOURS, draw_things
 from occ_constraints_pkg.rules.ruleset import RuleSet
-from occ_constraints_pkg.worlds.point_goal import GOAL_RADIUS, HAZARD_RADIUS, PointGoal1
+from occ_constraints_pkg.worlds.safety_gym import GOAL_RADIUS, PointGoal1
 from occ_constraints_pkg.worlds.stream import EpisodeStream
 
-_SAFE, _VIOLATED, _HAZARD, _GOAL = '#3b6ea5', '#c8362b', '#b9a3d3', '#6aa84f'
+_SAFE, _VIOLATED = '#3b6ea5', '#c8362b'
+_HAZARD, _GOAL = COLOURS['hazard'], COLOURS['goal']
 _DOTS_PER_INCH = 110
 # Half the side of the square in which things are placed, in m.
 _ARENA = 1.5
@@ -44,17 +45,17 @@ def draw_drives(
         world = PointGoal1(1, threads=1)
         stream = EpisodeStream(world, seed=seed)
         batch = stream.reset()
-        scene, path_xy, goals, flagged = world.scene(0), [], [], []
+        hazards = [thing for thing in world.view(0).things if thing.kind == 'hazard']
+        path_xy, goals, flagged = [], [], []
         for _ in range(steps):
-            now = world.scene(0)
-            path_xy.append(now['robot'][:2])
-            goals.append(now['goal'])
+            now = world.view(0)
+            path_xy.append(now.position[:2])
+            goals.append(next(thing for thing in now.things if thing.kind == 'goal').position[:2])
             flagged.append(cost(batch)[0] > 0)
             batch = stream.step(driver(batch.observation))
         world.close()
         places, bad = np.array(path_xy), np.array(flagged)
-        for centre in scene['hazards']:
-            axis.add_patch(Circle(centre, HAZARD_RADIUS, color=_HAZARD, alpha=0.6, lw=0))
+        draw_things(axis, hazards)
         for centre in np.unique(np.array(goals), axis=0):
             axis.add_patch(Circle(centre, GOAL_RADIUS, color=_GOAL, alpha=0.35, lw=0))
         axis.plot(*places.T, color=_SAFE, lw=1.2)
@@ -126,34 +127,6 @@ def draw_rules(path: Path, rule_set: RuleSet, values: np.ndarray) -> None:
     axis.set_title(
         'Demonstrated values (bar: middle half; pale: 98 %) and rules of one literal', fontsize=10
     )
-    figure.tight_layout()
-    figure.savefig(path, dpi=_DOTS_PER_INCH)
-    plt.close(figure)
-
-
-def draw_training(path: Path, history: Sequence[dict[str, Any]], cost_limit: float) -> None:
-    """Draw return, cost and multiplier over steps; values not there yet are left out.
-
-    Args:
-        path: PNG file to write.
-        history: the lines of a metrics file.
-        cost_limit: drawn as a line.
-    """
-    steps = np.array([item['steps'] for item in history], dtype=np.float64) / 1e6
-    figure, axes = plt.subplots(1, 3, figsize=(12, 3.4))
-    panels = (
-        ('mean_return', 'return per episode', _SAFE),
-        ('mean_cost', 'learned cost per episode', _VIOLATED),
-        ('multiplier', 'Lagrange multiplier', '#555555'),
-    )
-    for axis, (key, title, colour) in zip(axes, panels, strict=True):
-        numbers = [np.nan if item[key] is None else item[key] for item in history]
-        axis.plot(steps, numbers, color=colour)
-        axis.set_title(title, fontsize=10)
-        axis.set_xlabel('million robot steps')
-        axis.grid(alpha=0.3)
-    axes[1].axhline(cost_limit, color='black', ls='--', lw=1)
-    axes[1].text(steps[-1], cost_limit, 'limit ', ha='right', va='bottom', fontsize=8)
     figure.tight_layout()
     figure.savefig(path, dpi=_DOTS_PER_INCH)
     plt.close(figure)

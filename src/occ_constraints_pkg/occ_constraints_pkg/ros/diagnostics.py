@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
@@ -11,6 +13,8 @@ from occ_constraints_pkg.ros.messages import to_time
 from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.rules.verdict import Judgement, Verdict
 
+# Name of the status that tells a robot's verdict.
+_VERDICT_NAME = 'monitor: verdict'
 # Robots of a batch that one message describes at most.
 _MOST_ROBOTS = 4
 _LEVELS = {
@@ -51,7 +55,7 @@ def unknown_message(reason: str, stamp_ns: int) -> DiagnosticArray:
     """Say that nothing can be judged, and why; ``stamp_ns`` is that of the last input."""
     message = DiagnosticArray()
     message.header.stamp = to_time(stamp_ns)
-    message.status = [status('monitor: verdict', DiagnosticStatus.STALE, f'UNKNOWN: {reason}')]
+    message.status = [status(_VERDICT_NAME, DiagnosticStatus.STALE, f'UNKNOWN: {reason}')]
     return message
 
 
@@ -76,6 +80,24 @@ def report_message(
     message = DiagnosticArray(status=[status(name, _LEVELS[verdict], text, values)])
     message.header.stamp = to_time(stamp_ns)
     return message
+
+
+def read_verdict(message: DiagnosticArray) -> tuple[Verdict, float, str]:
+    """Return the worst verdict that a message on ``violation`` tells, its margin, and its words.
+
+    A message that tells none is UNKNOWN. The margin is NaN where it is missing or no number.
+    """
+    worst = Verdict.UNKNOWN, math.nan, 'UNKNOWN: the message on violation tells no verdict'
+    severity = -1
+    for item in message.status:
+        if item.name != _VERDICT_NAME:
+            continue
+        verdict = next((key for key, level in _LEVELS.items() if level == item.level), None)
+        verdict = Verdict.UNKNOWN if verdict is None else verdict
+        if verdict > severity:
+            margin = next((entry.value for entry in item.values if entry.key == 'margin'), 'nan')
+            severity, worst = verdict, (verdict, _number(margin), item.message)
+    return worst
 
 
 def status(
@@ -103,12 +125,12 @@ def _robot_statuses(
     }
     if verdict is Verdict.UNKNOWN:
         text = f'UNKNOWN: {_why_unknown(rule_set, sample)}'
-        return [status('monitor: verdict', _LEVELS[verdict], text, summary, robot)]
+        return [status(_VERDICT_NAME, _LEVELS[verdict], text, summary, robot)]
     margins = rule_set.rule_margins(sample)
     violated = rule_set.violated_rules(sample)
     words = '; '.join(rule_set.rules[index].words(rule_set.space) for index in violated)
     text = f'{verdict.name}: {words}' if words else verdict.name
-    statuses = [status('monitor: verdict', _LEVELS[verdict], text, summary, robot)]
+    statuses = [status(_VERDICT_NAME, _LEVELS[verdict], text, summary, robot)]
     for index in violated:
         rule = rule_set.rules[index]
         features = dict.fromkeys(literal.feature for literal in rule.literals)
@@ -138,3 +160,10 @@ def _why_unknown(rule_set: RuleSet, sample: np.ndarray) -> str:
 
 def _text(value: object) -> str:
     return repr(value) if isinstance(value, float) else str(value)
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan

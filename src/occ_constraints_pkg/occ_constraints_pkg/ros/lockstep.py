@@ -16,16 +16,19 @@ class Pairing:
     Lock-step has one step under way at a time, so only the newest message of each topic is kept;
     a message that is repeated while its partner is held is handed on again, as it should be: the
     answer may have been lost.
+
+    Attributes:
+        first: the newest message of the first topic, ``None`` before any.
     """
 
     def __init__(self, callback: Callable[[Any, Any], None]) -> None:
         self._callback = callback
-        self._first: Any = None
+        self.first: Any = None
         self._second: Any = None
 
     def on_first(self, message: Any) -> None:
         """Take a message of the first topic."""
-        self._first = message
+        self.first = message
         self._try()
 
     def on_second(self, message: Any) -> None:
@@ -34,7 +37,7 @@ class Pairing:
         self._try()
 
     def _try(self) -> None:
-        first, second = self._first, self._second
+        first, second = self.first, self._second
         if first is None or second is None:
             return
         if to_nanoseconds(first.header.stamp) != to_nanoseconds(second.header.stamp):

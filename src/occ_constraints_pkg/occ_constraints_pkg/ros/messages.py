@@ -1,15 +1,17 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Messages: tables and stamps to and from rclpy types."""
+"""Messages: tables, stamps and velocity commands to and from rclpy types."""
 
 from __future__ import annotations
 
 import array
+import math
 from functools import cache
 from importlib import import_module
 from typing import Any
 
 from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Twist, Vector3
 from sensor_msgs.msg import PointCloud2, PointField
 
 from occ_constraints_pkg.bags.table import Table
@@ -49,6 +51,18 @@ def _fields(layout: tuple[tuple[str, int, int, int], ...]) -> list[PointField]:
         PointField(name=name, offset=offset, datatype=datatype, count=count)
         for name, offset, datatype, count in layout
     ]
+
+
+def scaled_twist(twist: Twist, scale: float) -> Twist | None:
+    """Return a velocity command times ``scale``, or ``None`` if a value is not finite."""
+    parts = [
+        [getattr(vector, axis) * scale for axis in 'xyz']
+        for vector in (twist.linear, twist.angular)
+    ]
+    if not all(math.isfinite(value) for part in parts for value in part):
+        return None
+    linear, angular = (Vector3(x=x, y=y, z=z) for x, y, z in parts)
+    return Twist(linear=linear, angular=angular)
 
 
 @cache

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import sys
 from collections.abc import Callable, Sequence
@@ -34,7 +33,7 @@ from rclpy.validate_topic_name import validate_topic_name
 
 from occ_constraints_pkg.documents import did_you_mean
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.stopping import PARENT_VARIABLE, stop_request
+from occ_constraints_pkg.stopping import parent_is_gone, stop_request
 
 # How often a quiet process looks whether it was asked to end. The executor needs a finite limit
 # in any case: with some C++ libraries an unlimited wait overflows and spins at full load.
@@ -268,11 +267,8 @@ def _initialise(argv: list[str]) -> None:
 def _spin(node: OccNode) -> int:
     executor = EventsExecutor()
     executor.add_node(node)
-    parent = os.environ.get(PARENT_VARIABLE)
-    while not (stop_request.made or node.done.done()):
+    while not (stop_request.made or node.done.done() or parent_is_gone()):
         executor.spin_until_future_complete(node.done, _LOOK_SECONDS)
-        if parent and os.getppid() != int(parent):
-            break
     if node.takes_the_rest and not node.done.done():
         executor.spin_until_future_complete(node.done, 0.0)
     return node.done.result() if node.done.done() else 0

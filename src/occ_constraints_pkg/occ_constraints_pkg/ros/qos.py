@@ -29,6 +29,11 @@ SENSORS = QoSProfile(
     history=HistoryPolicy.KEEP_LAST, depth=10, reliability=ReliabilityPolicy.BEST_EFFORT
 )
 
+# Velocity commands: only the newest counts.
+COMMANDS = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST, depth=1, reliability=ReliabilityPolicy.RELIABLE
+)
+
 # Looks at the number of subscribers, 0.05 s apart, that must agree before the first message. A
 # publisher learns of a subscriber a moment before the subscriber learns of it, and what is
 # published within that moment is lost; no call tells when it is over.

@@ -10,6 +10,7 @@ import numpy as np
 
 from occ_constraints_pkg.bags.table import Table
 from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.rules.ruleset import RuleCounts
 from occ_constraints_pkg.rules.verdict import Judgement
 from occ_constraints_pkg.worlds.base import Column
 from occ_constraints_pkg.worlds.stream import StepBatch
@@ -64,3 +65,9 @@ def costs_table(judgement: Judgement) -> Table:
     """Return a judgement as the table that ``costs`` carries: float64, one row per robot."""
     columns = (judgement.cost, judgement.verdict, judgement.margin, judgement.rule)
     return Table(COST_COLUMNS, np.stack(columns, axis=1).astype(np.float64))
+
+
+def rule_stats_table(counts: RuleCounts) -> Table:
+    """Return counters as the table that ``rule_stats`` carries: float64, one row per rule."""
+    columns = (counts.evaluated, counts.violated)
+    return Table(RULE_COLUMNS, np.stack(columns, axis=1).astype(np.float64))

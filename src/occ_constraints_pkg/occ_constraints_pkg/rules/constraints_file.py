@@ -43,6 +43,8 @@ class Constraints:
         learner: the learner's settings.
         coverage: shares of training and held-out samples inside the safe set.
         provenance: package version, time, bags with their hashes.
+        evidence: which demonstrations support each bound, as learned (see
+            ``learning.evidence_document``).
     """
 
     rule_set: RuleSet
@@ -51,6 +53,7 @@ class Constraints:
     learner: Mapping[str, Any] = field(default_factory=dict)
     coverage: Mapping[str, Any] = field(default_factory=dict)
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    evidence: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def is_edited(self) -> bool:
@@ -65,6 +68,13 @@ class Constraints:
     def with_rule_set(self, rule_set: RuleSet) -> Constraints:
         """Return the same file with another rule set over the same features."""
         return replace(self, rule_set=rule_set)
+
+    def with_equal_rules(self, rule_set: RuleSet) -> Constraints:
+        """Return the same file with rules that mean the same, which is not an edit."""
+        provenance = self.provenance
+        if provenance.get('learned_formula') == self.rule_set.fingerprint:
+            provenance = {**provenance, 'learned_formula': rule_set.fingerprint}
+        return replace(self, rule_set=rule_set, provenance=provenance)
 
     def dumps(self) -> str:
         """Return the YAML text; every float is written so that it reads back bit for bit."""
@@ -81,7 +91,7 @@ class Constraints:
             for feature, (low, high) in zip(space.features, self.rule_set.demonstrated, strict=True)
         ]
         document['rules'] = [_rule_document(rule, space) for rule in self.rule_set.rules]
-        for key in ('feature_map', 'tree', 'learner', 'coverage', 'provenance'):
+        for key in ('feature_map', 'tree', 'learner', 'coverage', 'provenance', 'evidence'):
             value = getattr(self, key)
             # An empty tree is a lone leaf, which is not the same as no tree.
             if value or (key == 'tree' and value is not None):
@@ -163,6 +173,7 @@ def parse_constraints(text: str, where: str) -> Constraints:
         document.get('learner', {}),
         document.get('coverage', {}),
         document.get('provenance', {}),
+        document.get('evidence', {}),
     )
 
 

@@ -5,12 +5,16 @@
 from __future__ import annotations
 
 import math
+import operator
 from dataclasses import dataclass
+
+import numpy as np
 
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.rules.space import FeatureSpace
 
 OPERATORS = ('<', '<=', '>', '>=')
+_COMPARE = {'<': operator.lt, '<=': operator.le, '>': operator.gt, '>=': operator.ge}
 
 
 @dataclass(frozen=True)
@@ -43,9 +47,19 @@ class Literal:
         """Whether the literal holds for small values: it bounds the feature from above."""
         return self.operator in ('<', '<=')
 
+    def contains(self, other: Literal) -> bool:
+        """Tell whether this holds wherever ``other``, of the same feature and side, does."""
+        if self.bound == other.bound:
+            return self.operator in ('<=', '>=') or other.operator in ('<', '>')
+        return (self.bound > other.bound) == self.is_upper
+
     def text(self, space: FeatureSpace) -> str:
         """Return the literal in symbols with the exact bound, for example ``v_x > 1.46``."""
         return f'{space.names[self.feature]} {self.operator} {float(self.bound)!r}'
+
+    def holds(self, values: np.ndarray) -> np.ndarray:
+        """Tell for each value (n,) of the feature whether it makes the literal true: (n,) bool."""
+        return _COMPARE[self.operator](values, self.bound)
 
 
 @dataclass(frozen=True)
@@ -103,6 +117,17 @@ class Rule:
                 word = 'below' if high.operator == '<' else 'at most'
                 parts.append(f'{name} {word} {_short(high.bound)}{suffix}')
         return ' and '.join(parts)
+
+    @property
+    def tightest_literals(self) -> tuple[Literal, ...]:
+        """The literals that matter: of several on one side of a feature only the tightest."""
+        lower, upper = self._tightest()
+        return tuple(
+            literal
+            for feature in dict.fromkeys(item.feature for item in self.literals)
+            for literal in (lower.get(feature), upper.get(feature))
+            if literal is not None
+        )
 
     @property
     def is_contradictory(self) -> bool:

@@ -8,16 +8,25 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.rules.columns import Columns
+from occ_constraints_pkg.rules.formula import Disjunction, factor
+from occ_constraints_pkg.rules.one_by_one import OneByOne
+from occ_constraints_pkg.rules.one_row import OneRow
 from occ_constraints_pkg.rules.rule import Rule
 from occ_constraints_pkg.rules.space import FeatureSpace
 from occ_constraints_pkg.rules.verdict import Judgement, Verdict
 
-# Rows judged at a time: keeps the (rows, literals) intermediates in the cache.
-_BLOCK = 2048
+# Samples looked at again at a time: keeps the (literals, samples) intermediates in the cache.
+_BLOCK = 1024
+# So few samples are judged one after another, which takes them less time than whole columns.
+_FEW_ROWS = 40
+# Larger rule sets (features and literals) are not written as Python, which would take too long.
+_LARGEST_TEXT = 5000
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,8 +41,9 @@ class RuleSet:
             difference is the scale of margins (1 for a feature that was constant).
 
     Raises:
-        OccError: an id is used twice, a demonstrated range is none, or an enabled rule can never
-            be true, which in a safety rule is a slip and no wish.
+        OccError: an id is used twice, a demonstrated range is none, a literal speaks of a feature
+            that is not there, or an enabled rule can never be true, which in a safety rule is a
+            slip and no wish.
     """
 
     space: FeatureSpace
@@ -57,11 +67,21 @@ class RuleSet:
                     'two finite numbers, the smaller first'
                 )
         for rule in self.rules:
+            for literal in rule.literals:
+                if not 0 <= literal.feature < len(self.space):
+                    raise OccError(
+                        f'rule {rule.id!r} speaks of feature {literal.feature}; allowed are 0 to '
+                        f'{len(self.space) - 1}'
+                    )
             if rule.enabled and rule.is_contradictory:
                 raise OccError(
                     f'rule {rule.id!r} can never be true: {rule.formula(self.space)}; allowed '
                     'are literals that hold together, or the rule disabled'
                 )
+
+    def __getstate__(self) -> dict[str, Any]:
+        # Pickles and copies make anew what is derived; a written function cannot be pickled.
+        return {name: self.__dict__[name] for name in ('space', 'rules', 'demonstrated')}
 
     @cached_property
     def scale(self) -> np.ndarray:
@@ -91,8 +111,28 @@ class RuleSet:
         return digest.hexdigest()[:12]
 
     @cached_property
-    def _compiled(self) -> _Compiled:
-        return _Compiled(self)
+    def _enabled(self) -> tuple[Rule, ...]:
+        """The enabled rules in the order they are tried."""
+        return tuple(self.rules[index] for index in self.order)
+
+    @cached_property
+    def _formula(self) -> Disjunction:
+        return factor(self._enabled)
+
+    @cached_property
+    def _columns(self) -> Columns:
+        return Columns(self.space, self._formula, self.scale)
+
+    @cached_property
+    def _one_by_one(self) -> OneByOne:
+        return OneByOne(self._enabled, self.scale)
+
+    @cached_property
+    def _one_row(self) -> OneRow | None:
+        size = len(self.space) + sum(len(rule.literals) for rule in self._enabled)
+        if size > _LARGEST_TEXT:
+            return None
+        return OneRow(self.space, self._enabled, self.order, self._formula, self.scale)
 
     def judge(self, values: np.ndarray) -> Judgement:
         """Judge samples.
@@ -115,17 +155,63 @@ class RuleSet:
             OccError: the array has another shape.
         """
         rows = self.space.check_rows(values)
-        n = len(rows)
-        judgement = Judgement(np.empty(n, dtype=np.int8), np.empty(n, dtype=np.int64), np.empty(n))
-        for start in range(0, n, _BLOCK):
-            block = slice(start, start + _BLOCK)
-            self._compiled.judge_block(
-                rows[block],
-                judgement.verdict[block],
-                judgement.rule[block],
-                judgement.margin[block],
+        if len(rows) <= _FEW_ROWS and self._one_row is not None:
+            judged = [self._one_row.judge(row) for row in rows.tolist()]
+            verdict, rule, margin = zip(*judged, strict=True) if judged else ((), (), ())
+            return Judgement(
+                np.array(verdict, dtype=np.int8),
+                np.array(rule, dtype=np.int64),
+                np.array(margin, dtype=np.float64),
             )
-        return judgement
+        known, margin = self._columns.margins(rows)
+        verdict = np.where(known, Verdict.SAFE, Verdict.UNKNOWN).astype(np.int8)
+        rule = np.full(len(rows), -1, dtype=np.int64)
+        margin[~known] = np.nan
+        # A distance has the sign of its comparison; where it is 0, strictness decides.
+        near = np.flatnonzero(margin <= 0.0)
+        for start in range(0, len(near), _BLOCK):
+            block = near[start : start + _BLOCK]
+            truth = self._one_by_one.truth(rows[block])
+            violated = truth.any(axis=0)
+            rule[block[violated]] = self.order[truth.argmax(axis=0)[violated]]
+        verdict[rule >= 0] = Verdict.VIOLATED
+        return Judgement(verdict, rule, margin)
+
+    def verdicts(self, values: np.ndarray) -> np.ndarray:
+        """Return the verdicts of :meth:`judge` only, which takes a fraction of its time.
+
+        Args:
+            values: (n, k) numbers in the units of the feature space.
+
+        Returns:
+            (n,) int8, values of :class:`Verdict`.
+
+        Raises:
+            OccError: the array has another shape.
+        """
+        rows = self.space.check_rows(values)
+        verdict = np.full(len(rows), Verdict.SAFE, dtype=np.int8)
+        failed = np.flatnonzero(~self._columns.passed(rows))
+        lows, highs = self.space.finite_bounds
+        for start in range(0, len(failed), _BLOCK):
+            block = failed[start : start + _BLOCK]
+            known = ((rows[block] >= lows) & (rows[block] <= highs)).all(axis=1)
+            verdict[block] = np.where(known, Verdict.VIOLATED, Verdict.UNKNOWN)
+        return verdict
+
+    def verdict(self, sample: np.ndarray) -> Verdict:
+        """Return the verdict on one sample, the fastest way for a single one.
+
+        Args:
+            sample: (k,) numbers in the units of the feature space.
+
+        Raises:
+            OccError: the array has another shape.
+        """
+        row = np.asarray(sample, dtype=np.float64)
+        if row.shape != (len(self.space),) or self._one_row is None:
+            return Verdict(self.verdicts(row[None])[0])
+        return self._one_row.verdict(row.tolist())
 
     def rule_margins(self, sample: np.ndarray) -> np.ndarray:
         """Return each rule's own margin on one sample.
@@ -139,7 +225,7 @@ class RuleSet:
         row = self.space.check_rows(np.asarray(sample, dtype=np.float64)[None])
         margins = np.full(len(self.rules), np.nan)
         if len(self.order):
-            margins[self.order] = self._compiled.margins(row)[0]
+            margins[self.order] = self._one_by_one.margins(row)[:, 0]
         return margins
 
     def violated_rules(self, sample: np.ndarray) -> np.ndarray:
@@ -147,7 +233,7 @@ class RuleSet:
         row = self.space.check_rows(np.asarray(sample, dtype=np.float64)[None])
         if not len(self.order):
             return self.order
-        return self.order[self._compiled.truth(row)[0]]
+        return self.order[self._one_by_one.truth(row)[:, 0]]
 
     def with_counts(self, counts: RuleCounts) -> RuleSet:
         """Return the same rules carrying these counters."""
@@ -195,73 +281,6 @@ class RuleCounts:
         """Set all counters to zero."""
         self.evaluated[:] = 0
         self.violated[:] = 0
-
-
-class _Compiled:
-    """The enabled rules as arrays.
-
-    Every literal becomes ``sign * x > threshold``: a lower-or-equal comparison with b is a strict
-    one with the next float above b, and a comparison from below is one of the negated numbers.
-    Both steps are exact.
-    """
-
-    def __init__(self, rule_set: RuleSet) -> None:
-        space = rule_set.space
-        self.order = rule_set.order
-        # Replacing infinite bounds by the largest floats makes one test find NaN and Inf too.
-        largest = np.finfo(np.float64).max
-        self.lows, self.highs = space.lows.clip(-largest), space.highs.clip(max=largest)
-        literals = [item for index in self.order for item in rule_set.rules[index].literals]
-        unique = list(dict.fromkeys(literals))
-        place = {literal: index for index, literal in enumerate(unique)}
-        self.members = np.array([place[literal] for literal in literals], dtype=np.int64)
-        lengths = [len(rule_set.rules[index].literals) for index in self.order]
-        self.starts = np.cumsum([0, *lengths[:-1]]).astype(np.int64)
-        self.feature = np.array([literal.feature for literal in unique], dtype=np.int64)
-        bound = np.array([literal.bound for literal in unique], dtype=np.float64)
-        self.sign = np.array([-1.0 if literal.is_upper else 1.0 for literal in unique])
-        strict = np.array([literal.operator in ('<', '>') for literal in unique], dtype=bool)
-        self.signed_bound = self.sign * bound
-        with np.errstate(over='ignore'):
-            below = np.nextafter(self.signed_bound, -np.inf)
-        self.threshold = np.where(strict, self.signed_bound, below)
-        # Not its reciprocal, which a very small range does not have.
-        self.scale = rule_set.scale[self.feature]
-
-    def judge_block(
-        self, rows: np.ndarray, verdict: np.ndarray, rule: np.ndarray, margin: np.ndarray
-    ) -> None:
-        known = ((rows >= self.lows) & (rows <= self.highs)).all(axis=1)
-        rule[:] = -1
-        margin[:] = np.inf
-        if len(self.order):
-            signed = self.sign * rows[:, self.feature]
-            truth = self._rule_truth(signed)
-            first = truth.argmax(axis=1)
-            violated = truth[np.arange(len(rows)), first]
-            rule[violated] = self.order[first[violated]]
-            margin[:] = self._rule_margins(signed).min(axis=1)
-        verdict[:] = np.where(rule >= 0, Verdict.VIOLATED, Verdict.SAFE)
-        verdict[~known] = Verdict.UNKNOWN
-        rule[~known] = -1
-        margin[~known] = np.nan
-
-    def truth(self, rows: np.ndarray) -> np.ndarray:
-        """(n, enabled rules) bool."""
-        return self._rule_truth(self.sign * rows[:, self.feature])
-
-    def margins(self, rows: np.ndarray) -> np.ndarray:
-        """(n, enabled rules) float64."""
-        return self._rule_margins(self.sign * rows[:, self.feature])
-
-    def _rule_truth(self, signed: np.ndarray) -> np.ndarray:
-        holds = signed > self.threshold
-        return np.logical_and.reduceat(holds[:, self.members], self.starts, axis=1)
-
-    def _rule_margins(self, signed: np.ndarray) -> np.ndarray:
-        with np.errstate(invalid='ignore', over='ignore'):
-            short_of = (self.signed_bound - signed) / self.scale
-        return np.maximum.reduceat(short_of[:, self.members], self.starts, axis=1)
 
 
 def rule_ids(space: FeatureSpace, literal_sets: Sequence[tuple]) -> list[str]:

@@ -91,6 +91,15 @@ class FeatureSpace:
         """(k,) upper physical bounds, ``inf`` where there is none."""
         return np.array([feature.high for feature in self.features], dtype=np.float64)
 
+    @cached_property
+    def finite_bounds(self) -> np.ndarray:
+        """(2, k) lows and highs with the largest floats for infinite ones.
+
+        A comparison with these finds NaN and Inf too: only a known value lies between them.
+        """
+        largest = np.finfo(np.float64).max
+        return np.stack([self.lows, self.highs]).clip(-largest, largest)
+
     def index(self, name: str) -> int:
         """Return the position of a feature.
 

@@ -4,11 +4,16 @@
 
 from __future__ import annotations
 
+import json
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any
+from operator import attrgetter
+from typing import Any, ClassVar
 
 import numpy as np
+
+from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.worlds.view import RobotView
 
 
 @dataclass(frozen=True)
@@ -45,14 +50,21 @@ class World(ABC):
         action_columns: the action's columns, in order (a of them).
         step_seconds: simulated seconds per step.
         max_episode_steps: steps after which an episode is truncated.
+        state_names: attributes that, together with the actions to come, decide all that happens:
+            arrays, which :meth:`restore` fills in place, and lists of generators. A dot leads into
+            an attribute's attribute.
+        view_kinds: what the ranges of :meth:`view` tell of; ``None`` if the world has no view of
+            its robots, as one without metres or headings has not.
     """
 
+    state_names: ClassVar[tuple[str, ...]]
     name: str
     num_envs: int
     columns: tuple[Column, ...]
     action_columns: tuple[Column, ...]
     step_seconds: float
     max_episode_steps: int
+    view_kinds: tuple[str, ...] | None = None
 
     @abstractmethod
     def reset(
@@ -87,5 +99,61 @@ class World(ABC):
             OccError: the action has the wrong shape or is not finite.
         """
 
+    def view(self, row: int) -> RobotView:
+        """Return one robot as ROS and pictures see it; only where there are :attr:`view_kinds`.
+
+        Args:
+            row: index of the robot.
+        """
+        raise OccError(f'world {self.name} has no view of its robots')
+
+    def action_for(self, row: int, speed: float, turning: float) -> np.ndarray:
+        """Return the action that makes a robot drive as a velocity command asks.
+
+        Only where there are :attr:`view_kinds`.
+
+        Args:
+            row: index of the robot.
+            speed: ahead, in m/s.
+            turning: in rad/s, counter-clockwise.
+
+        Returns:
+            (a,) within the bounds of the action columns.
+        """
+        raise OccError(f'robots of world {self.name} cannot be driven by velocity commands')
+
     def close(self) -> None:  # noqa: B027 - most worlds have nothing to release
         """Release threads and memory; the world may not be used afterwards."""
+
+    def state(self) -> dict[str, np.ndarray | list[str]]:
+        """Return copies of all that decides what happens next, for :meth:`restore`.
+
+        Arrays as they are, generators as JSON text.
+        """
+        state: dict[str, np.ndarray | list[str]] = {}
+        for name in self.state_names:
+            value = attrgetter(name)(self)
+            if isinstance(value, np.ndarray):
+                state[name] = value.copy()
+            else:
+                state[name] = [json.dumps(rng.bit_generator.state) for rng in value]
+        return state
+
+    def restore(self, state: dict[str, np.ndarray | list[str]]) -> None:
+        """Go on where a world of the same class and size was when it returned ``state``.
+
+        Raises:
+            OccError: the state is that of another class or of another number of robots.
+        """
+        for name in self.state_names:
+            saved, value = state.get(name), attrgetter(name)(self)
+            if np.shape(saved) != np.shape(value):
+                raise OccError(
+                    f'the saved state of world {self.name} has {name} of shape {np.shape(saved)}; '
+                    f'allowed is {np.shape(value)} for {self.num_envs} robots'
+                )
+            if isinstance(value, np.ndarray):
+                value[...] = saved
+            else:
+                for rng, text in zip(value, saved, strict=True):
+                    rng.bit_generator.state = json.loads(text)

@@ -8,31 +8,59 @@ import numpy as np
 
 BINS = 16
 MAX_DISTANCE = 3.0
-# Middle of each bin, in bins; bin 0 starts straight ahead and bins go counter-clockwise.
+# Middle of each bin, in bins; bin 0 starts straight along x and bins go counter-clockwise.
 _CENTRES = np.arange(BINS) + 0.5
 
 
-def lidar_returns(position: np.ndarray, yaw: np.ndarray, objects: np.ndarray) -> np.ndarray:
+def lidar_returns(position: np.ndarray, axes: np.ndarray, objects: np.ndarray) -> np.ndarray:
     """Return what each object on its own contributes to each bin.
 
     An object at distance d gives the bin that holds its bearing ``max(0, 3 - d) / 3``, and its
     two neighbours a share of that which grows linearly, up to all of it, as the bearing nears
     their common edge. The lidar of one kind of object is the maximum over its objects.
 
+    Objects are taken to lie on the floor, where a robot that leans sees them shifted, as in
+    Safety-Gym.
+
     Args:
-        position: (N, 2) robots' positions, in m.
-        yaw: (N,) robots' headings, in rad.
+        position: (N, 3) centres of the robots, in m.
+        axes: (N, 3, 3) axes of the robots' bodies as columns, world frame.
         objects: (N, M, 2) positions of the M objects that each robot sees, in m.
 
     Returns:
         (N, M, 16), within [0, 1].
     """
-    offset = objects - position[:, None]
-    distance = np.hypot(offset[..., 0], offset[..., 1])
-    strength = np.maximum(0.0, MAX_DISTANCE - distance) / MAX_DISTANCE
-    bearing = np.arctan2(offset[..., 1], offset[..., 0]) - yaw[:, None]
-    from_centre = bearing[..., None] * (BINS / (2 * np.pi)) - _CENTRES
-    from_centre -= BINS * np.rint(from_centre / BINS)
+    x = objects[..., 0] - position[:, :1]
+    y = objects[..., 1] - position[:, 1:2]
+    z = -position[:, 2:]
+    ahead, aside = (
+        x * axes[:, 0, i, None] + y * axes[:, 1, i, None] + z * axes[:, 2, i, None] for i in (0, 1)
+    )
+    strength = np.maximum(0.0, MAX_DISTANCE - np.hypot(ahead, aside)) / MAX_DISTANCE
+    bearing = np.arctan2(aside, ahead) * (BINS / (2 * np.pi))
+    away = np.abs(bearing[..., None] - _CENTRES)
+    away = np.minimum(away, np.abs(BINS - away))
     # All of it within half a bin of the centre, falling to none one bin further out.
-    share = np.clip(1.5 - np.abs(from_centre), 0.0, 1.0)
-    return strength[..., None] * share
+    np.subtract(1.5, away, out=away)
+    np.maximum(away, 0.0, out=away)
+    np.minimum(away, 1.0, out=away)
+    away *= strength[..., None]
+    return away
+
+
+def beams(lidars: np.ndarray, forward: float) -> tuple[float, np.ndarray]:
+    """Return pseudo-lidars as the beams of laser scans, one through the middle of each bin.
+
+    Args:
+        lidars: (L, 16) readings.
+        forward: direction of the robot's drive from the x axis of its body, in rad.
+
+    Returns:
+        The direction of the first beam from straight ahead, in rad, the others following counter-
+        clockwise; and (L, 16) distances in m, infinite where nothing is seen.
+    """
+    step = 2 * np.pi / BINS
+    # Whole bins, for robots drive along an axis of their body.
+    shift = round((forward - np.pi) / step)
+    distances = np.where(lidars > 0, MAX_DISTANCE * (1 - lidars), np.inf)
+    return step / 2 - np.pi, np.roll(distances, -shift, axis=1)

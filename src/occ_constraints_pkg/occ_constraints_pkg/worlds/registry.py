@@ -45,7 +45,10 @@ def world_class(name: str) -> type[World]:
 
 _CLASSES = {
     'simple_nav': ('simple_nav', 'SimpleNav'),
-    'PointGoal1': ('point_goal', 'PointGoal1'),
+    'PointGoal1': ('safety_gym', 'PointGoal1'),
+    'PointPush1': ('safety_gym', 'PointPush1'),
+    'CarGoal1': ('safety_gym', 'CarGoal1'),
+    'CarPush1': ('safety_gym', 'CarPush1'),
 }
 
 WORLDS: tuple[str, ...] = tuple(_CLASSES)

@@ -37,6 +37,7 @@ class SimpleNav(World):
     action_columns = (Column('d_x', low=-1.0, high=1.0), Column('d_y', low=-1.0, high=1.0))
     step_seconds = 0.1
     max_episode_steps = 150
+    state_names = ('_rngs', '_position', '_steps')
 
     def __init__(self, num_envs: int, *, threads: int = 0) -> None:
         self.num_envs = num_envs

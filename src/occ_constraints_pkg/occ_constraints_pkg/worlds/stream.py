@@ -4,7 +4,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
@@ -77,4 +78,19 @@ class EpisodeStream:
             true_cost = np.where(fresh, info['true_cost'], true_cost)
             episode = episode + fresh
         self._last = StepBatch(observation, reward, terminated, truncated, episode, true_cost)
+        return self._last
+
+    def state(self) -> dict[str, Any]:
+        """Return the world's state and the batch shown last, for :meth:`restore`."""
+        last = self._last if self._last is not None else self.reset()
+        return {'world': self.world.state(), 'last': asdict(last)}
+
+    def restore(self, state: dict[str, Any]) -> StepBatch:
+        """Go on where a stream was when it returned ``state``; return the batch shown last.
+
+        Raises:
+            OccError: the state is that of another world or of another number of robots.
+        """
+        self.world.restore(state['world'])
+        self._last = StepBatch(**state['last'])
         return self._last

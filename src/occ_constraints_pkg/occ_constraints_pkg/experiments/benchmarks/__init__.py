@@ -10,6 +10,11 @@ default of its own.
 # Name on the command line -> what it measures, in words of the help. The module of that name is
 # imported when it runs, for some need extras.
 BENCHMARKS = {
+    'learn': 'learning from a million samples beside an Isolation Forest',
+    'learn_growth': 'time to learn from 10^5 to 10^7 samples; takes some 6 GB of memory',
     'loop': 'training over topics beside training in one process',
+    'train': 'the same for longer, and occ train with the true cost',
+    'rules': 'judging by rules beside a decision tree of scikit-learn',
     'bags': 'features of a bag beside its messages deserialized by rosbags',
+    'worlds': 'the Safety-Gym tasks beside a bare loop of MuJoCo steps',
 }

@@ -12,18 +12,16 @@ from typing import Any
 
 import numpy as np
 
-from occ_constraints_pkg.agents.drivers import find_driver
-from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian, PPOLagrangianConfig
+from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian
 from occ_constraints_pkg.agents.rule_cost import RuleCost
+from occ_constraints_pkg.agents.settings import PPOLagrangianConfig
 from occ_constraints_pkg.agents.training import train
-from occ_constraints_pkg.bags.feature_map import load_feature_map
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.experiments.conditions import machine, versions
 from occ_constraints_pkg.experiments.processes import nodes_running, private_domain
-from occ_constraints_pkg.learning.learn import learn
+from occ_constraints_pkg.experiments.transfer import demonstrated_constraints
 from occ_constraints_pkg.rules.constraints_file import Constraints
 from occ_constraints_pkg.worlds.registry import make_world
-from occ_constraints_pkg.worlds.stream import EpisodeStream
 
 _WORLD = 'PointGoal1'
 _ROBOTS, _ROLLOUT_STEPS = 256, 128
@@ -41,14 +39,14 @@ def run(seconds: float = 20.0) -> dict[str, Any]:
     Args:
         seconds: training time of each form, split into rounds.
     """
-    constraints = _demonstrated_constraints()
+    constraints = demonstrated_constraints(_WORLD, 'expert', _DEMONSTRATION_ROBOTS, explore=False)
     share = seconds / _ROUNDS
     alone, loop = [], []
     with tempfile.TemporaryDirectory() as directory:
         for number in range(_ROUNDS):
-            alone.append(_steps_per_second(_train_alone(constraints, share, number)))
+            alone.append(steps_per_second(_train_alone(constraints, share, number)))
             place = Path(directory) / str(number)
-            loop.append(_steps_per_second(_train_over_topics(constraints, share, number, place)))
+            loop.append(steps_per_second(_train_over_topics(constraints, share, number, place)))
     full, single = float(np.mean(loop)), float(np.mean(alone))
     return {
         'metrics': {
@@ -68,29 +66,6 @@ def run(seconds: float = 20.0) -> dict[str, Any]:
         'machine': machine(),
         'versions': versions(('numpy', 'torch', 'mujoco', 'ros-rclpy')),
     }
-
-
-def _demonstrated_constraints() -> Constraints:
-    """Learn rules from one episode of each of some experts."""
-    feature_map = load_feature_map(_WORLD)
-    world = make_world(_WORLD, _DEMONSTRATION_ROBOTS)
-    driver = find_driver(world, 'expert', np.random.default_rng(0))
-    names = [column.name for column in world.columns]
-    places = [names.index(source.column) for source in feature_map.features]
-    stream = EpisodeStream(world, seed=0)
-    batch, rows = stream.reset(), []
-    for _ in range(world.max_episode_steps):
-        rows.append(batch.observation[:, places])
-        batch = stream.step(driver(batch.observation))
-    world.close()
-    episodes = np.tile(np.arange(_DEMONSTRATION_ROBOTS), len(rows))
-    return learn(
-        np.concatenate(rows),
-        episodes,
-        feature_map.space,
-        rng=np.random.default_rng(0),
-        feature_map=feature_map.to_document(),
-    )
 
 
 def _train_alone(constraints: Constraints, seconds: float, seed: int) -> list[dict[str, Any]]:
@@ -129,8 +104,15 @@ def _train_over_topics(
     return [json.loads(line) for line in lines]
 
 
-def _steps_per_second(history: list[dict[str, Any]]) -> float:
-    """Return transitions per second after the first update, updates included."""
+def steps_per_second(history: list[dict[str, Any]]) -> float:
+    """Return transitions per second after the first update, updates included.
+
+    Args:
+        history: metrics of each update.
+
+    Raises:
+        OccError: there are fewer than two.
+    """
     if len(history) < 2:
         raise OccError(
             f'the measured time was too short for two updates of the policy; got {len(history)}, '

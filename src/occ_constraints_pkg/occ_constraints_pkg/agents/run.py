@@ -1,0 +1,198 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""A training in one process from settings to files: what ``occ train`` does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from occ_constraints_pkg.agents.rule_cost import RuleCost
+from occ_constraints_pkg.agents.settings import (
+    PPOLagrangianConfig,
+    TrainingMetrics,
+    learner_settings,
+)
+from occ_constraints_pkg.agents.training import CostSource, TrainingDirectory, TrueCost, train
+from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.rules.constraints_file import Constraints, load_constraints
+from occ_constraints_pkg.worlds.registry import make_world, world_class
+
+if TYPE_CHECKING:
+    from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian
+
+DEMONSTRATIONS = 'demonstrations'
+
+
+@dataclass(frozen=True)
+class RunSettings:
+    """What a training is made from.
+
+    Attributes:
+        world: name of the world.
+        cost: ``true`` for the world's own cost, ``none`` for unconstrained training, else a
+            constraints file.
+        cost_limit: allowed mean cost per episode, or ``demonstrations``: see :func:`cost_limit`.
+        steps: robot steps after which it ends.
+        robots: robots simulated at once.
+        seed: of the world, of weights, exploration and minibatches.
+        device: where updates are computed, ``cpu`` or ``cuda``.
+        threads: threads that step the world; 0: one per core.
+        learner: settings of the learner that differ from the defaults, by name.
+    """
+
+    world: str
+    cost: str = 'true'
+    cost_limit: float | str = 25.0
+    steps: int = 1_000_000
+    robots: int = 64
+    seed: int = 0
+    device: str = 'cpu'
+    threads: int = 0
+    learner: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """How a training stood when it ended.
+
+    Attributes:
+        learner: the learner.
+        cost_limit: the limit in numbers.
+        history: the metrics of all updates, those before a resumption included.
+    """
+
+    learner: PPOLagrangian
+    cost_limit: float
+    history: list[dict[str, float]]
+
+
+def cost_limit(given: float | str, constraints: Constraints | None) -> float:
+    """Return the allowed mean cost per episode in numbers.
+
+    Args:
+        given: a number, or ``demonstrations`` for the mean cost per episode that the
+            demonstrations themselves incur by the rules learned from them.
+        constraints: the rules that tell the cost; ``None`` for another cost.
+
+    Raises:
+        OccError: ``demonstrations`` without rules, or with a file that does not tell their cost.
+    """
+    if given != DEMONSTRATIONS:
+        return float(given)
+    if constraints is None:
+        raise OccError(
+            f'the cost limit is {given!r}, but no rules were learned from demonstrations here; '
+            'allowed is a number, or a constraints file as cost'
+        )
+    limit = constraints.coverage.get('cost_per_episode')
+    if limit is None:
+        raise OccError(
+            f'the cost limit is {given!r}, but the constraints file has no '
+            'coverage.cost_per_episode; allowed is a number, or a file written by occ learn'
+        )
+    return float(limit)
+
+
+def check(settings: RunSettings) -> float:
+    """Refuse settings that no training could begin with; return the cost limit in numbers.
+
+    Raises:
+        OccError: a setting is wrong.
+    """
+    from occ_constraints_pkg.agents.networks import torch_device
+
+    torch_device(settings.device)
+    kind = world_class(settings.world)
+    constraints = _constraints(settings)
+    if constraints is not None:
+        RuleCost(constraints, kind)
+    return _config(settings, constraints).cost_limit
+
+
+def run(
+    settings: RunSettings,
+    output: str | Path,
+    *,
+    resume: bool = False,
+    progress: Callable[[TrainingMetrics], None] | None = None,
+    is_stopped: Callable[[], bool] = lambda: False,
+    say: Callable[[str], None] = lambda sentence: None,
+) -> RunResult:
+    """Train a policy.
+
+    Args:
+        settings: what to train.
+        output: directory for policy, metrics, checkpoint and counted rules.
+        resume: go on from the checkpoint there, if there is one, exactly as if the training had
+            not been interrupted; ``steps``, ``device`` and ``threads`` may be other ones.
+        progress: called after each update.
+        is_stopped: asked before each step; ``True`` ends the training there, saved.
+        say: told what happens besides.
+
+    Raises:
+        OccError: a setting is wrong, or the training cannot be resumed with these settings.
+    """
+    from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian
+
+    constraints = _constraints(settings)
+    config = _config(settings, constraints)
+    limit = config.cost_limit
+    world = make_world(settings.world, settings.robots, threads=settings.threads)
+    try:
+        source: CostSource = TrueCost() if constraints is None else RuleCost(constraints, world)
+        directory = TrainingDirectory(output, _fixed(settings, constraints, limit))
+        resumed = None
+        if resume and directory.has_checkpoint:
+            learner, resumed = directory.resume(device=settings.device, decay_steps=settings.steps)
+            say(f'resumed at {learner.steps} steps')
+        else:
+            learner = PPOLagrangian(
+                config, world.columns, world.action_columns, world.name, settings.seed
+            )
+            if resume:
+                say(f'there is no checkpoint in {output}, so training starts anew')
+            earlier = directory.begin()
+            if earlier:
+                say(f'an earlier training is now in {earlier}')
+        train(
+            world,
+            learner,
+            source,
+            seed=settings.seed,
+            total_steps=settings.steps,
+            progress=progress,
+            directory=directory,
+            resumed=resumed,
+            is_stopped=is_stopped,
+        )
+    finally:
+        world.close()
+    return RunResult(learner, limit, directory.history())
+
+
+def _constraints(settings: RunSettings) -> Constraints | None:
+    return None if settings.cost in ('true', 'none') else load_constraints(settings.cost)
+
+
+def _config(settings: RunSettings, constraints: Constraints | None) -> PPOLagrangianConfig:
+    chosen = {
+        'cost_limit': cost_limit(settings.cost_limit, constraints),
+        'lagrangian': settings.cost != 'none',
+        'decay_steps': settings.steps,
+        'device': settings.device,
+    }
+    return learner_settings({**settings.learner, **chosen})
+
+
+def _fixed(settings: RunSettings, constraints: Constraints | None, limit: float) -> dict[str, Any]:
+    """Return what a resumed training must agree with."""
+    fixed = {**asdict(settings), 'cost_limit': limit}
+    for free in ('steps', 'device', 'threads'):
+        del fixed[free]
+    # A file may be moved; its rules may not change.
+    if constraints is not None:
+        fixed['cost'] = f'rule set {constraints.rule_set.fingerprint}'
+    return fixed

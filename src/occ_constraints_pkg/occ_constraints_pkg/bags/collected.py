@@ -1,0 +1,97 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""The rows of one recording, with their times and episodes, while they are collected."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from occ_constraints_pkg.bags.columns import RowBlock
+from occ_constraints_pkg.bags.dataset import ORIGIN
+from occ_constraints_pkg.bags.manifest import Selection
+from occ_constraints_pkg.errors import OccError
+
+
+class CollectedRows:
+    """The rows of one recording while they are collected.
+
+    Attributes:
+        values, stamps, times, origins, costs: arrays of each block of rows, as a dataset has them.
+        episodes: (n,) set by :meth:`number_episodes`.
+        has_cost: whether some rows came with a true cost.
+        where: what to add to a sentence that no row was there.
+    """
+
+    def __init__(self) -> None:
+        self.values: list[np.ndarray] = []
+        self.stamps: list[np.ndarray] = []
+        self.times: list[np.ndarray] = []
+        self.origins: list[np.ndarray] = []
+        self.costs: list[np.ndarray] = []
+        self.episodes = np.empty(0, dtype=np.int64)
+        self.has_cost = False
+        self.where = ''
+        self._first_ns = 0
+        self._episodes: list[np.ndarray] = []
+        self._included: set[int] = set()
+
+    def add(self, rows: RowBlock, times_ns: np.ndarray, selection: Selection) -> None:
+        """Add those rows that lie in a stretch to use; their times are from the first message."""
+        stretches = selection.stretches(times_ns)
+        for number, (low, high) in enumerate(selection.include):
+            if ((low <= times_ns) & (times_ns < high)).any():
+                self._included.add(number)
+        count = len(rows.values)
+        columns = () if rows.table is None else rows.table.names
+        has_cost, has_episodes = 'true_cost' in columns, 'episode' in columns
+        nothing = np.zeros(count)
+        robots = np.arange(count) if has_episodes else nothing
+        numbers = rows.table.column('episode').astype(np.float64) if has_episodes else nothing
+        cost = rows.table.column('true_cost') if has_cost else np.full(count, np.nan)
+        origins = np.empty(count, dtype=ORIGIN)
+        origins['time_ns'] = rows.times_ns
+        # Rows of a table are of one message, others of one message each.
+        origins['row'] = 0 if rows.table is None else np.arange(count)
+        if rows.table is not None:
+            # A simulation steps faster or slower than it is recorded.
+            self._first_ns = self._first_ns or int(rows.stamps_ns[0])
+            times_ns = rows.stamps_ns - self._first_ns
+        used = stretches >= 0
+        if not used.any():
+            self.where = ', in the intervals to use' if count else self.where
+            return
+        self.has_cost = self.has_cost or has_cost
+        self.values.append(rows.values[used])
+        self.stamps.append(rows.stamps_ns[used])
+        self.times.append(times_ns[used])
+        self.origins.append(origins[used])
+        self.costs.append(cost[used].astype(np.float64))
+        self._episodes.append(np.stack([robots, numbers, stretches], axis=1)[used])
+
+    def unused(self, selection: Selection, where: str) -> list[str]:
+        """Return a sentence for each interval in which there is no row."""
+        return [
+            f'{where}: no row lies in the interval from {low / 1e9} to {high / 1e9} s, which the '
+            'manifest includes'
+            for number, (low, high) in enumerate(selection.include)
+            if number not in self._included
+        ]
+
+    def number_episodes(self, first: int, where: str) -> int:
+        """Number the episodes from ``first`` on; return how many there are.
+
+        Raises:
+            OccError: the column ``episode`` holds something that is not finite.
+        """
+        triples = np.concatenate(self._episodes)
+        if not np.isfinite(triples).all():
+            raise OccError(f"{where} has values that are not finite in the column 'episode'")
+        # Sorting rows takes longer than reading them, and mostly there is little to sort by.
+        varying = (triples != triples[0]).any(axis=0)
+        if varying.sum() < 2:
+            keys, axis = triples[:, varying.argmax()], None
+        else:
+            keys, axis = triples, 0
+        unique, inverse = np.unique(keys, axis=axis, return_inverse=True)
+        self.episodes = inverse.reshape(-1).astype(np.int64) + first
+        return len(unique)

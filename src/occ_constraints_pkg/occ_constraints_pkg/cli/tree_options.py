@@ -1,0 +1,104 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""The tree learner's settings on the command line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import click
+
+from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.learning.settings import OCTreeSettings
+
+_OPTIONS = (
+    click.option(
+        '--depth',
+        default=OCTreeSettings.max_depth,
+        show_default=True,
+        help='Most levels of splits.',
+    ),
+    click.option(
+        '--clip',
+        default=OCTreeSettings.clip,
+        show_default=True,
+        type=click.Choice(['mass', 'density']),
+        help='How outliers are cut off per split.',
+    ),
+    click.option(
+        '--contamination',
+        type=float,
+        default=OCTreeSettings.contamination,
+        help='With mass: share of the demonstrated samples that may lie outside; estimated if '
+        'absent.',
+    ),
+    click.option(
+        '--gamma',
+        default=OCTreeSettings.gamma,
+        show_default=True,
+        help='With density: share of the largest density below which values are outliers.',
+    ),
+    click.option(
+        '--alpha',
+        default=OCTreeSettings.alpha,
+        show_default=True,
+        help='How deep a minimum of the density must be to split there.',
+    ),
+    click.option(
+        '--full-conditions',
+        is_flag=True,
+        help='Write rules with all bounds above them, as the paper does, not only those they need.',
+    ),
+    click.option(
+        '--faithful',
+        is_flag=True,
+        help="The tree article's settings (density, gamma 0.05, alpha 0.5, beta 0.02, nu 0.1, full "
+        'conditions); --gamma and --alpha, if given, change them, and --depth replaces nu.',
+    ),
+)
+seed_option = click.option(
+    '--seed',
+    default=0,
+    type=click.IntRange(min=0),
+    show_default=True,
+    help='Chooses the held-out episodes.',
+)
+
+
+def tree_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options; the command passes what they give on to :func:`tree_settings`."""
+    for option in reversed(_OPTIONS):
+        command = option(command)
+    return command
+
+
+def tree_settings(*, faithful: bool, depth: int, **settings: Any) -> OCTreeSettings:
+    """Return the settings that the options of the present command give.
+
+    Raises:
+        OccError: a value is not allowed, or an option does not go with ``--faithful``.
+    """
+    given = OCTreeSettings(max_depth=depth, **settings)
+    return _article_settings(given) if faithful else given
+
+
+def _article_settings(given: OCTreeSettings) -> OCTreeSettings:
+    """Return the article's settings, but for those named on the command line."""
+    context = click.get_current_context()
+    named = {
+        name
+        for name in context.params
+        if context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE
+    }
+    if 'contamination' in named or ('clip' in named and given.clip != 'density'):
+        raise OccError(
+            '--faithful clips by density and knows no contamination; allowed beside it are '
+            '--depth, --gamma and --alpha'
+        )
+    overrides: dict[str, Any] = {
+        name: getattr(given, name) for name in ('gamma', 'alpha') if name in named
+    }
+    if 'depth' in named:
+        overrides.update(max_depth=given.max_depth, nu=None)
+    return OCTreeSettings.article(**overrides)

@@ -1,0 +1,96 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""What each level of the tree adds: the rules of all depths from one tree."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from occ_constraints_pkg.learning.learn import grow, is_safe
+from occ_constraints_pkg.learning.samples import divide_samples, families
+from occ_constraints_pkg.learning.scoring import Score, score_rules
+from occ_constraints_pkg.learning.settings import OCTreeSettings
+from occ_constraints_pkg.learning.simplification import extract_and_simplify, size
+from occ_constraints_pkg.rules.ruleset import RuleSet
+from occ_constraints_pkg.rules.space import FeatureSpace
+
+
+@dataclass(frozen=True, eq=False)
+class DepthResult:
+    """The rules of one depth.
+
+    Attributes:
+        depth: levels of splits; 0 is the smallest and largest demonstrated values alone.
+        rule_set: its rules, which are those that learning with this depth limit gives.
+        rules: number of rules.
+        literals: number of their literals.
+        training: share of the training samples inside the safe set.
+        held_out: the same of the held-out episodes, None where there are none.
+        score: on samples of known cost, None without such.
+    """
+
+    depth: int
+    rule_set: RuleSet
+    rules: int
+    literals: int
+    training: float
+    held_out: float | None
+    score: Score | None
+
+
+def ablate_depth(
+    values: np.ndarray,
+    episodes: np.ndarray,
+    space: FeatureSpace,
+    settings: OCTreeSettings,
+    *,
+    rng: np.random.Generator,
+    truth: tuple[np.ndarray, np.ndarray] | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[DepthResult]:
+    """Grow the tree once and return what it gives when it is cut at each level.
+
+    Safe sets are nested: a deeper one lies within a shallower one.
+
+    Args:
+        values: (n, k) demonstrated samples.
+        episodes: (n,) the episode each belongs to.
+        space: the features.
+        settings: of the tree; its depth limit is the largest depth.
+        rng: chooses the held-out episodes, as in :func:`~occ_constraints_pkg.learning.learn.learn`.
+        truth: (m, k) samples and their (m,) true cost, to score the rules on.
+        progress: called with (depths done, depths in all).
+
+    Raises:
+        OccError: there is no usable sample, or none has a true cost.
+    """
+    samples = divide_samples(values, episodes, space, rng=rng)
+    demonstrated = samples.demonstrated(space, settings)
+    together = families(space, settings)
+    tree = grow(samples.training, space, settings)
+    deepest = tree.levels(together)
+    results = []
+    for depth in range(deepest + 1):
+        rule_set = extract_and_simplify(
+            tree.cut(depth, together),
+            space,
+            demonstrated,
+            full_conditions=settings.full_conditions,
+        ).rule_set
+        held_out = samples.held_out
+        results.append(
+            DepthResult(
+                depth,
+                rule_set,
+                *size(rule_set),
+                float(np.mean(is_safe(rule_set, samples.training))),
+                float(np.mean(is_safe(rule_set, held_out))) if len(held_out) else None,
+                None if truth is None else score_rules(rule_set, *truth).overall,
+            )
+        )
+        if progress is not None:
+            progress(depth + 1, deepest + 1)
+    return results

@@ -1,0 +1,363 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Unions of boxes: the same region with fewer boxes and fewer literals."""
+
+from __future__ import annotations
+
+import bisect
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from occ_constraints_pkg.rules.rule import Literal, Rule
+from occ_constraints_pkg.rules.space import FeatureSpace
+
+# Rounds of merging and dropping. Each ends sound; learned rule sets need three or four.
+_MOST_ROUNDS = 50
+_LARGEST = np.finfo(np.float64).max
+
+
+@dataclass
+class Box:
+    """A conjunction of literals while it is simplified: at most one for each end of a feature.
+
+    Attributes:
+        sources: positions of the rules it stands for, in ascending order.
+        ends: by (feature, is it the upper end) the literal that states it; absent where the
+            physical bounds do.
+        fixed: whether it must stay as it is.
+    """
+
+    sources: list[int]
+    ends: dict[tuple[int, bool], Literal]
+    fixed: bool
+
+    @classmethod
+    def of(cls, rule: Rule, position: int, *, fixed: bool) -> Box:
+        """Return the box of a rule; of several literals for one end, the tightest counts."""
+        ends = {(item.feature, item.is_upper): item for item in rule.tightest_literals}
+        return cls([position], ends, fixed)
+
+    @property
+    def features(self) -> set[int]:
+        """The features that it states anything about."""
+        return {feature for feature, _ in self.ends}
+
+
+def simplify_boxes(space: FeatureSpace, boxes: Sequence[Box]) -> list[Box]:
+    """Return fewer boxes with fewer literals and, within the physical bounds, the same union.
+
+    The boxes that change are those given, not copies. Fixed boxes that hold no possible value are
+    left out too.
+
+    Args:
+        space: the features, with their physical bounds.
+        boxes: in the order of their sources.
+    """
+    return _Steps(space, list(boxes)).run()
+
+
+def _reach(literal: Literal) -> float:
+    """Return the last number, seen from inside, that makes the literal true."""
+    if literal.operator in ('<=', '>='):
+        return literal.bound
+    return math.nextafter(literal.bound, -math.inf if literal.is_upper else math.inf)
+
+
+def _touch(low: float, high: float) -> bool:
+    """Tell whether no number lies between what ends at ``high`` and what begins at ``low``."""
+    return low <= math.nextafter(high, math.inf)
+
+
+class _Steps:
+    """The boxes, and the steps that keep their union.
+
+    A step may rely on the union of all boxes, since none changes it: boxes grow within it, and go
+    only when another one contains them.
+    """
+
+    def __init__(self, space: FeatureSpace, boxes: list[Box]) -> None:
+        self.lows = space.lows.clip(-_LARGEST)
+        self.highs = space.highs.clip(max=_LARGEST)
+        self.boxes = boxes
+        self.changed = False
+
+    def run(self) -> list[Box]:
+        self._drop_vacuous()
+        everywhere = [box for box in self.boxes if not box.features]
+        if everywhere:
+            # Such a rule contains all others; a fixed one cannot go, so it comes first.
+            first = min(everywhere, key=lambda box: not box.fixed)
+            return [box for box in self.boxes if box.fixed or box is first]
+        for _ in range(_MOST_ROUNDS):
+            self.changed = False
+            lines = self._merge_lines()
+            self._heed_lines(lines)
+            self._remove_contained()
+            self._merge_boxes()
+            self._drop_covered()
+            if not self.changed:
+                break
+        return self.boxes
+
+    def _low(self, box: Box, feature: int) -> float:
+        literal = box.ends.get((feature, False))
+        return self.lows[feature] if literal is None else _reach(literal)
+
+    def _high(self, box: Box, feature: int) -> float:
+        literal = box.ends.get((feature, True))
+        return self.highs[feature] if literal is None else _reach(literal)
+
+    def _remove(self, gone: Iterable[Box]) -> None:
+        numbers = {id(box) for box in gone}
+        if numbers:
+            self.boxes = [box for box in self.boxes if id(box) not in numbers]
+            self.changed = True
+
+    def _drop(self, box: Box, end: tuple[int, bool]) -> None:
+        """Drop a literal, unless it is the last: a rule states something."""
+        if len(box.ends) > 1:
+            del box.ends[end]
+            self.changed = True
+
+    def _drop_vacuous(self) -> None:
+        """Drop literals that always hold, and boxes that hold no possible value.
+
+        A fixed box loses them only here, not in its rule: what it covers counts. A fixed one that
+        is never true covers nothing; it comes back with its rule.
+        """
+        never = []
+        for box in self.boxes:
+            if any(
+                self._low(box, feature) > self._high(box, feature)
+                or self._low(box, feature) > self.highs[feature]
+                or self._high(box, feature) < self.lows[feature]
+                for feature in box.features
+            ):
+                never.append(box)
+                continue
+            for feature, is_upper in list(box.ends):
+                reach = _reach(box.ends[feature, is_upper])
+                if reach >= self.highs[feature] if is_upper else reach <= self.lows[feature]:
+                    del box.ends[feature, is_upper]
+        self._remove(never)
+
+    def _merge_lines(self) -> dict[int, list[tuple[float, float]]]:
+        """Merge boxes of one and the same feature; return the connected intervals of each."""
+        groups: dict[int, list[Box]] = {}
+        for box in self.boxes:
+            if len(box.features) == 1:
+                groups.setdefault(next(iter(box.features)), []).append(box)
+        gone, lines = [], {}
+        for feature, group in groups.items():
+            for low, high, members in self._connected(feature, group):
+                lines.setdefault(feature, []).append((low, high))
+                if len(members) > 1:
+                    gone += self._join(feature, low, high, members)
+        self._remove(gone)
+        return lines
+
+    def _connected(
+        self, feature: int, boxes: list[Box]
+    ) -> Iterator[tuple[float, float, list[Box]]]:
+        boxes = sorted(boxes, key=lambda box: self._low(box, feature))
+        members, low, high = [boxes[0]], self._low(boxes[0], feature), self._high(boxes[0], feature)
+        for box in boxes[1:]:
+            if not _touch(self._low(box, feature), high):
+                yield low, high, members
+                members, low, high = [], self._low(box, feature), -_LARGEST
+            members.append(box)
+            high = max(high, self._high(box, feature))
+        yield low, high, members
+
+    def _join(self, feature: int, low: float, high: float, members: list[Box]) -> list[Box]:
+        """Make one box of the free members of a connected interval; return those that go."""
+        inside = [
+            box
+            for box in members
+            if not box.fixed
+            and any(
+                other.fixed
+                and self._low(other, feature) <= self._low(box, feature)
+                and self._high(other, feature) >= self._high(box, feature)
+                for other in members
+            )
+        ]
+        free = [box for box in members if not box.fixed and not any(box is item for item in inside)]
+        if not free:
+            return inside
+        ends = {}
+        if low > self.lows[feature]:
+            lowest = min(free, key=lambda box: self._low(box, feature))
+            ends[feature, False] = lowest.ends.get((feature, False))
+        if high < self.highs[feature]:
+            highest = max(free, key=lambda box: self._high(box, feature))
+            ends[feature, True] = highest.ends.get((feature, True))
+        if not ends:
+            # All is flagged already, and one rule cannot say so without a literal.
+            return inside
+        return inside + self._become_one(free, ends)
+
+    def _become_one(self, boxes: list[Box], ends: dict[tuple[int, bool], Literal]) -> list[Box]:
+        """Let the box of the first rule stand for all; return the others."""
+        boxes = sorted(boxes, key=lambda box: box.sources[0])
+        first, others = boxes[0], boxes[1:]
+        if others or first.ends != ends:
+            first.ends = ends
+            first.sources = sorted({index for box in boxes for index in box.sources})
+            self.changed = True
+        return others
+
+    def _heed_lines(self, lines: dict[int, list[tuple[float, float]]]) -> None:
+        """Use that boxes of one feature flag whole intervals, whatever the other features are."""
+        gone = []
+        for box in self.boxes:
+            features = box.features
+            if box.fixed or len(features) == 1:
+                continue
+            for feature in features & lines.keys():
+                low, high = self._low(box, feature), self._high(box, feature)
+                first, last = lines[feature][0], lines[feature][-1]
+                place = bisect.bisect_right(lines[feature], (low, math.inf)) - 1
+                if place >= 0 and high <= lines[feature][place][1]:
+                    gone.append(box)
+                    break
+                if first[0] <= self.lows[feature] < low and _touch(low, first[1]):
+                    self._drop(box, (feature, False))
+                if last[1] >= self.highs[feature] > high and _touch(last[0], high):
+                    self._drop(box, (feature, True))
+        self._remove(gone)
+
+    def _remove_contained(self) -> None:
+        table = _Table(self)
+        free = np.array([not box.fixed for box in table.boxes], dtype=bool)
+        alive = np.ones(len(free), dtype=bool)
+        for row, box in enumerate(table.boxes):
+            if alive[row]:
+                # What has no literal in this place cannot lie inside a box that has one.
+                others = np.flatnonzero(alive & free & ((~table.marks & table.marks[row]) == 0))
+                inside = others != row
+                for column in map(table.place.get, box.features):
+                    inside &= table.low[others, column] >= table.low[row, column]
+                    inside &= table.high[others, column] <= table.high[row, column]
+                alive[others[inside]] = False
+        self._remove(box for box, stays in zip(table.boxes, alive, strict=True) if not stays)
+
+    def _merge_boxes(self) -> None:
+        """Merge boxes that are equal but for one feature, in which they touch or overlap."""
+        table = _Table(self)
+        free = np.array([not box.fixed for box in table.boxes], dtype=bool)
+        codes = table.codes()
+        gone: list[Box] = []
+        for feature, column in table.place.items():
+            rows = np.flatnonzero(free)
+            keys = codes[rows].sum(axis=1) - codes[rows, column]
+            order = np.lexsort((table.low[rows, column], keys))
+            rows, keys = rows[order], keys[order]
+            rest = np.arange(len(table.place)) != column
+            alike = keys[1:] == keys[:-1]
+            for pair in np.flatnonzero(alike):
+                # Two keys may be equal by chance.
+                one, other = rows[pair], rows[pair + 1]
+                alike[pair] = np.array_equal(
+                    table.low[one, rest], table.low[other, rest]
+                ) and np.array_equal(table.high[one, rest], table.high[other, rest])
+            start = 0
+            while start < len(rows):
+                end, top = start + 1, table.high[rows[start], column]
+                while (
+                    end < len(rows) and alike[end - 1] and _touch(table.low[rows[end], column], top)
+                ):
+                    top = max(top, table.high[rows[end], column])
+                    end += 1
+                if end > start + 1:
+                    gone += self._join_alike(feature, [table.boxes[row] for row in rows[start:end]])
+                    # The table does not know the new box; the next round does.
+                    free[rows[start:end]] = False
+                start = end
+        self._remove(gone)
+
+    def _join_alike(self, feature: int, boxes: list[Box]) -> list[Box]:
+        """Make one box of boxes that touch in a feature, the lowest first; return those that go."""
+        lowest, highest = boxes[0], max(boxes, key=lambda box: self._high(box, feature))
+        ends = {end: item for end, item in lowest.ends.items() if end[0] != feature}
+        for end, box in (((feature, False), lowest), ((feature, True), highest)):
+            if end in box.ends:
+                ends[end] = box.ends[end]
+        return self._become_one(boxes, ends)
+
+    def _drop_covered(self) -> None:
+        """Drop a literal of each box where another box contains all that is gained."""
+        table = _Table(self)
+        ends = [
+            (row, end) for row, box in enumerate(table.boxes) if not box.fixed for end in box.ends
+        ]
+        if not ends:
+            return
+        owner = np.array([row for row, _ in ends])
+        columns = np.array([table.place[feature] for _, (feature, _) in ends])
+        # The interval of that feature that the box gains; in the others, gain and box are alike.
+        gain = np.array([self._gain(table.boxes[row], *end) for row, end in ends])
+        marks = table.marks[owner]
+        marks &= ~np.array([table.mark(*end) for _, end in ends])
+        marks |= np.array([table.mark(feature, not upper) for _, (feature, upper) in ends])
+        covered = np.zeros(len(ends), dtype=bool)
+        for row, box in enumerate(table.boxes):
+            places = np.flatnonzero(~covered & ((~marks & table.marks[row]) == 0))
+            inside = np.ones(len(places), dtype=bool)
+            for column in map(table.place.get, box.features):
+                own = columns[places] == column
+                low = np.where(own, gain[places, 0], table.low[owner[places], column])
+                high = np.where(own, gain[places, 1], table.high[owner[places], column])
+                inside &= (low >= table.low[row, column]) & (high <= table.high[row, column])
+            covered[places[inside]] = True
+        found = np.flatnonzero(covered)
+        # One literal of a box at a time: two at once would gain the corner between them too.
+        for row, first in zip(*np.unique(owner[found], return_index=True), strict=True):
+            self._drop(table.boxes[row], ends[found[first]][1])
+
+    def _gain(self, box: Box, feature: int, is_upper: bool) -> tuple[float, float]:
+        if is_upper:
+            return math.nextafter(self._high(box, feature), math.inf), self.highs[feature]
+        return self.lows[feature], math.nextafter(self._low(box, feature), -math.inf)
+
+
+class _Table:
+    """The boxes of several features as arrays.
+
+    Attributes:
+        boxes: the m boxes.
+        place: the column of each of the c features that they state.
+        low: (m, c) first values inside.
+        high: (m, c) last values inside.
+        marks: (m,) uint64, a bit set for each end that a box states. Ends share bits where there
+            are more than 64, so a bit that is not set is certain.
+    """
+
+    def __init__(self, owner: _Steps) -> None:
+        self.boxes = [box for box in owner.boxes if len(box.features) > 1]
+        features = sorted({feature for box in self.boxes for feature in box.features})
+        self.place = {feature: index for index, feature in enumerate(features)}
+        self.low = np.tile(owner.lows[features], (len(self.boxes), 1))
+        self.high = np.tile(owner.highs[features], (len(self.boxes), 1))
+        self.marks = np.zeros(len(self.boxes), dtype=np.uint64)
+        for row, box in enumerate(self.boxes):
+            for (feature, is_upper), literal in box.ends.items():
+                (self.high if is_upper else self.low)[row, self.place[feature]] = _reach(literal)
+                self.marks[row] |= self.mark(feature, is_upper)
+
+    def mark(self, feature: int, is_upper: bool) -> np.uint64:
+        """Return the bit of an end."""
+        return np.uint64(1 << (2 * self.place[feature] + is_upper) % 64)
+
+    def codes(self) -> np.ndarray:
+        """(m, c) uint64: equal in a column where the intervals are; their sum names a box."""
+        weights = np.random.default_rng(0).integers(2**63, size=(2, *self.low.shape[1:]))
+        codes = np.zeros(self.low.shape, dtype=np.uint64)
+        for column in range(codes.shape[1]):
+            for values, weight in zip((self.low, self.high), weights[:, column], strict=True):
+                _, numbers = np.unique(values[:, column], return_inverse=True)
+                codes[:, column] += (numbers + 1).astype(np.uint64) * np.uint64(weight)
+        return codes

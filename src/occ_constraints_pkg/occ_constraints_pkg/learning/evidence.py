@@ -1,0 +1,202 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Evidence: which demonstrations a bound rests on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from occ_constraints_pkg.rules.rule import Literal, Rule
+from occ_constraints_pkg.rules.ruleset import RuleSet
+from occ_constraints_pkg.rules.space import FeatureSpace
+
+# How far from a bound, as a share of its feature's demonstrated range, a sample counts as near.
+NEAR = 0.01
+# A longer formula goes without: nobody would read that much, and every program would have to.
+MOST_LITERALS = 2000
+# Samples that are named for each bound, each of another episode.
+_MOST_NAMED = 3
+
+
+@dataclass(frozen=True, eq=False)
+class LiteralEvidence:
+    """The samples that hold a bound where it is.
+
+    These are the SAFE samples that would be violations without the literal: all other literals of
+    its rule are true on them. They keep the bound from moving inward.
+
+    Attributes:
+        near: how many lie within :data:`NEAR` of the bound.
+        episodes: of how many episodes these are.
+        closest: (position, feature, value) of the closest, whether near or not, at most one of an
+            episode. The feature is another than the literal's where a family shares its bounds.
+    """
+
+    near: int
+    episodes: int
+    closest: tuple[tuple[int, int, float], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class RuleEvidence:
+    """What the demonstrations say of a rule.
+
+    Attributes:
+        rule: the rule.
+        flagged: training samples on which it is true: they were taken for outliers.
+        literals: the evidence for each of its literals, in order.
+    """
+
+    rule: Rule
+    flagged: int
+    literals: tuple[LiteralEvidence, ...]
+
+
+def gather_evidence(
+    rule_set: RuleSet,
+    rows: np.ndarray,
+    safe: np.ndarray,
+    episodes: np.ndarray,
+    families: Sequence[Sequence[int]] = (),
+) -> list[RuleEvidence]:
+    """Find the evidence for all enabled rules.
+
+    Takes one pass over a feature's column for each different literal; for a literal in a rule of
+    several, and without a sample near, one more over its rule's other columns.
+
+    Args:
+        rule_set: the rules.
+        rows: (n, k) finite samples that the rules were learned from.
+        safe: (n,) bool, whether the verdict on each is SAFE.
+        episodes: (n,) the episode of each.
+        families: positions of features that were given the same bounds. What holds one of these is
+            the member closest to it, whichever feature the literal is about.
+    """
+    members = {member: tuple(family) for family in families for member in family}
+    rules = [rule_set.rules[index] for index in rule_set.order]
+    holders: dict[Literal, list[Rule]] = {}
+    for rule in rules:
+        for literal in rule.literals:
+            holders.setdefault(literal, []).append(rule)
+    inside, outside = np.flatnonzero(safe), np.flatnonzero(~safe)
+    found: dict[tuple[str, Literal], LiteralEvidence] = {}
+    group: tuple[tuple[int, ...], bool] = ((), False)
+    values, features = np.empty(0), np.empty(0)
+    # In an order in which no more than one column has to be copied at a time.
+    for literal in sorted(
+        holders, key=lambda item: (members.get(item.feature, (item.feature,)), item.is_upper)
+    ):
+        together = members.get(literal.feature, (literal.feature,))
+        if (together, literal.is_upper) != group:
+            group = together, literal.is_upper
+            values, features = _extreme(rows, inside, *group)
+        with np.errstate(over='ignore'):
+            away = values - literal.bound if literal.is_upper else literal.bound - values
+        away[literal.holds(values)] = np.inf
+        near = np.flatnonzero(away <= NEAR * rule_set.scale[literal.feature])
+        for rule in holders[literal]:
+            others = [item for item in rule.literals if item != literal]
+            held = _where_true(others, rows, inside, near)
+            shown = held
+            if not len(held):
+                shown = _where_true(others, rows, inside, np.flatnonzero(away < np.inf))
+            closest = _closest(shown, away[shown], episodes[inside[shown]])
+            found[rule.id, literal] = LiteralEvidence(
+                len(held),
+                len(np.unique(episodes[inside[held]])),
+                tuple(
+                    (int(inside[place]), int(features[place]), float(values[place]))
+                    for place in closest
+                ),
+            )
+    everything = np.arange(len(outside))
+    return [
+        RuleEvidence(
+            rule,
+            len(_where_true(rule.literals, rows, outside, everything)),
+            tuple(found[rule.id, literal] for literal in rule.literals),
+        )
+        for rule in rules
+    ]
+
+
+def evidence_document(
+    evidence: Iterable[RuleEvidence],
+    space: FeatureSpace,
+    origin: Callable[[int], Mapping[str, int]],
+) -> dict[str, Any]:
+    """Return evidence as plain values for the constraints file.
+
+    The formula tells later whether a rule is still the one that this is about.
+
+    Args:
+        evidence: of each rule.
+        space: the features.
+        origin: for a position of a sample: where it came from; may be empty.
+    """
+    names = space.names
+    return {
+        'near': NEAR,
+        'rules': [
+            {
+                'id': item.rule.id,
+                'formula': item.rule.formula(space),
+                'flagged': item.flagged,
+                'literals': [
+                    {
+                        'near': part.near,
+                        'episodes': part.episodes,
+                        'closest': [
+                            {
+                                'value': value,
+                                **({} if feature == own.feature else {'feature': names[feature]}),
+                                **origin(row),
+                            }
+                            for row, feature, value in part.closest
+                        ],
+                    }
+                    for own, part in zip(item.rule.literals, item.literals, strict=True)
+                ],
+            }
+            for item in evidence
+        ],
+    }
+
+
+def _extreme(
+    rows: np.ndarray, positions: np.ndarray, members: tuple[int, ...], smallest: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return (m,) each sample's smallest or largest member, and which feature that is."""
+    values = rows[positions, members[0]]
+    features = np.full(len(values), members[0], dtype=np.int64)
+    for member in members[1:]:
+        other = rows[positions, member]
+        beyond = other < values if smallest else other > values
+        values[beyond], features[beyond] = other[beyond], member
+    return values, features
+
+
+def _where_true(
+    literals: Iterable[Literal], rows: np.ndarray, positions: np.ndarray, places: np.ndarray
+) -> np.ndarray:
+    """Return those of ``places``, which index ``positions`` of rows, where all literals hold."""
+    for literal in literals:
+        values = rows[positions[places], literal.feature]
+        places = places[literal.holds(values)]
+    return places
+
+
+def _closest(places: np.ndarray, away: np.ndarray, episodes: np.ndarray) -> list[int]:
+    """Return the places of the smallest distances, one of each episode, closest first."""
+    away, chosen = away.copy(), []
+    while len(chosen) < _MOST_NAMED and len(away):
+        best = int(away.argmin())
+        if away[best] == np.inf:
+            break
+        chosen.append(int(places[best]))
+        away[episodes == episodes[best]] = np.inf
+    return chosen

@@ -1,0 +1,281 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Where clipping by mass puts its bounds: our extension of the OC-tree.
+
+What lies outside is bought: a bound moves inward as long as the stretch it leaves behind is worth
+the samples in it. That is the excess mass of Hartigan (JASA 82, 1987) and of Müller and Sawitzki
+(JASA 86, 1991) on one feature: largest mass less a price times length.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from occ_constraints_pkg.learning.density import bandwidth
+from occ_constraints_pkg.learning.division import LARGEST, is_eligible
+
+MOST_ESTIMATED = 0.05
+"""Largest share of the samples outside where the user states none, and the share of its time that
+a demonstrator would be outside who moves without heed."""
+
+# Share of the samples of a family that are taken for free movement.
+_FREE = 0.5
+# Halvings until the price of a stated share is known: to one part in a thousand million.
+_HALVINGS = 30
+# As many samples tell roughly what all of them look like.
+_SOME = 4096
+
+
+@dataclass(frozen=True)
+class Unit:
+    """What is bounded as one: a feature, or a family with the same interval for all members.
+
+    Attributes:
+        features: positions of the members.
+        smallest: (n,) each sample's smallest member; for one feature, its value.
+        largest: (n,) each sample's largest member.
+        limits: the physical bounds, infinite where there is none.
+    """
+
+    features: tuple[int, ...]
+    smallest: np.ndarray
+    largest: np.ndarray
+    limits: tuple[float, float]
+
+    @property
+    def is_family(self) -> bool:
+        """Whether there are several members."""
+        return len(self.features) > 1
+
+
+@dataclass(frozen=True)
+class Trim:
+    """The interval of a unit, before any shrinking.
+
+    Attributes:
+        low: left bound, a sample's value, inclusive.
+        high: right bound, the same.
+        extent: the smallest and the largest value.
+        impurity: the article's proxy (p. 12-13) of this cut at the root; that of a family is
+            reckoned with the volume of all its members.
+    """
+
+    low: float
+    high: float
+    extent: tuple[float, float]
+    impurity: float
+
+
+def make_units(
+    samples: np.ndarray, families: Sequence[Sequence[int]], limits: np.ndarray | None
+) -> list[Unit]:
+    """Return each family, and each feature that is in none, in the order of the features.
+
+    Args:
+        samples: (n, k).
+        families: positions of features that share their bounds.
+        limits: (k, 2) physical bounds of the features; ``None`` for none.
+    """
+    together = {member for family in families for member in family}
+    ends = np.full((samples.shape[1], 2), [-np.inf, np.inf]) if limits is None else limits
+    units = [
+        Unit((feature,), samples[:, feature], samples[:, feature], tuple(ends[feature]))
+        for feature in range(samples.shape[1])
+        if feature not in together
+    ]
+    for family in map(list, families):
+        smallest, largest = samples[:, family[0]].copy(), samples[:, family[0]].copy()
+        for member in family[1:]:
+            np.minimum(smallest, samples[:, member], out=smallest)
+            np.maximum(largest, samples[:, member], out=largest)
+        units.append(Unit(tuple(family), smallest, largest, tuple(ends[family[0]])))
+    return sorted(units, key=lambda unit: unit.features)
+
+
+def most_outside(count: int, contamination: float | None) -> int:
+    """Return how many of ``count`` samples may lie outside."""
+    return int((MOST_ESTIMATED if contamination is None else contamination) * count)
+
+
+class _Tail(NamedTuple):
+    """One side of a unit, from its extreme inward.
+
+    Attributes:
+        values: (r + 1,) the outermost samples; r of them may be left outside.
+        beyond: (r + 1,) share of the unit's range that a bound there leaves outside.
+        members: number of features that the bound serves.
+        edge: distance to the physical bound where a family is estimated to end, else ``None``.
+        distances: (r + 1,) distances to the physical bound, ascending.
+    """
+
+    values: np.ndarray
+    beyond: np.ndarray
+    members: int
+    edge: float | None
+    distances: np.ndarray
+
+    def beyond_edge(self, room: int) -> int:
+        """Return how many samples lie beyond the edge, at most ``room``; equal ones together."""
+        outside = min(int(np.searchsorted(self.distances, self.edge)), room)
+        return int(np.searchsorted(self.distances, self.distances[outside]))
+
+
+def trim(units: Sequence[Unit], contamination: float | None) -> list[Trim | None]:
+    """Bound each unit, so that in all at most a given share of the samples lies outside.
+
+    With a stated share: the price at which that share is spent. A bound that serves a whole
+    family makes the safe set smaller in each of its features, so it is worth as many prices.
+
+    Without: bad samples, a share :data:`MOST_ESTIMATED` of all, are thought to be spread evenly
+    over the range of one feature, which one is not known; where there are fewer samples than
+    that, a feature is cut. A family with a physical bound (the sectors of a lidar: touching) ends
+    where a heedless demonstrator would be outside for that share of its time. Half of the samples
+    are taken for such free movement, and the share closer than some distance to grow with its
+    square, as areas do. So it does not matter how well, or badly, this demonstrator heeded.
+
+    Args:
+        units: what to bound, at least one.
+        contamination: the share; ``None`` to estimate.
+
+    Returns:
+        For each unit its interval; ``None`` where it is not eligible, see
+        :func:`~occ_constraints_pkg.learning.division.is_eligible`.
+    """
+    share = MOST_ESTIMATED if contamination is None else contamination
+    count = len(units[0].smallest)
+    room = most_outside(count, contamination)
+    found = [_tails(unit, room, share if contamination is None else None) for unit in units]
+    tails = [tail for pair in found if pair is not None for tail in pair]
+    price = share / sum(len(unit.features) for unit in units)
+    priced = [index for index, tail in enumerate(tails) if tail.edge is None]
+    outside = np.zeros(len(tails), dtype=np.int64)
+    if priced:
+        worth = np.stack([tails[index].members * tails[index].beyond for index in priced])
+        if contamination is not None:
+            price = _spending(worth, price, count, room)
+        outside[priced] = _bought(worth, price, count)
+    for index, tail in enumerate(tails):
+        if tail.edge is not None:
+            outside[index] = tail.beyond_edge(max(0, room - int(outside.sum())))
+    numbers = iter(outside.reshape(-1, 2).tolist())
+    return [None if pair is None else _trim(pair, next(numbers), count) for pair in found]
+
+
+def _bought(worth: np.ndarray, price: float, count: int) -> np.ndarray:
+    """Return how many samples to leave outside at a price, for each tail: (t,).
+
+    Args:
+        worth: (t, r + 1) what leaving 0 to r samples outside is worth.
+        price: share of the samples that a worth of 1 costs.
+        count: number of samples.
+    """
+    shares = np.arange(worth.shape[1]) / count
+    # The first of equal values is the best of them, so equal samples stay together.
+    return np.argmax(price * worth - shares, axis=1)
+
+
+def _spending(worth: np.ndarray, price: float, count: int, room: int) -> float:
+    """Return the largest price, to rounding, at which at most ``room`` samples are outside."""
+
+    def is_affordable(price: float) -> bool:
+        return int(_bought(worth, price, count).sum()) <= room
+
+    # At half the price of the share per feature it is: neither side of a unit is worth more than
+    # its whole range. (Without a stated share the whole price is: sides that do not cross share
+    # one range, and if they crossed all samples would be outside.)
+    low, high = price / 2, float(count) ** 2
+    if is_affordable(high):
+        return high
+    for _ in range(_HALVINGS):
+        middle = float(np.sqrt(low * high))
+        low, high = (middle, high) if is_affordable(middle) else (low, middle)
+    return low
+
+
+def _tails(unit: Unit, room: int, heedless: float | None) -> tuple[_Tail, _Tail] | None:
+    """Return the lower and the upper tail of a unit, or ``None`` if it is not eligible.
+
+    Args:
+        unit: what to bound.
+        room: most samples to leave outside.
+        heedless: share of its time that a heedless demonstrator would spend beyond the edge of a
+            family, ``None`` to look for no edge.
+    """
+    count = len(unit.smallest)
+    # Contiguous: they are read several times.
+    lower = np.ascontiguousarray(unit.smallest)
+    upper = np.ascontiguousarray(unit.largest) if unit.is_family else lower
+    pair = []
+    for values, sign, limit in zip((lower, upper), (1.0, -1.0), unit.limits, strict=True):
+        ends = _outermost(values, room, sign)
+        edge, distances = None, ends
+        if heedless is not None and unit.is_family and np.isfinite(limit):
+            middle = np.partition(sign * values, count // 2)[count // 2]
+            distances = sign * (ends - limit)
+            edge = (middle - sign * limit) * np.sqrt(heedless / _FREE)
+        pair.append((ends, sign, edge, distances))
+    start, end = pair[0][0][0], pair[1][0][0]
+    if start == end or max(-start, end) > LARGEST:
+        return None
+    # Empty sectors are many equal values, which say nothing of quantisation.
+    if not unit.is_family and not _is_continuous(lower):
+        return None
+    low, high = (
+        _Tail(ends, sign * (ends - ends[0]) / (end - start), len(unit.features), edge, distances)
+        for ends, sign, edge, distances in pair
+    )
+    return low, high
+
+
+def _outermost(values: np.ndarray, room: int, sign: float) -> np.ndarray:
+    """Return the ``room`` + 1 smallest of (n,) values, ascending; with -1 the largest, descending.
+
+    A few values tell about where these end, so that hardly more than they have to be sorted.
+    """
+    few = np.sort(sign * _some(values))
+    guess = few[min(len(few) - 1, int(1.2 * len(few) * room / len(values)) + 20)]
+    beyond = values[values <= guess] if sign > 0 else -values[values >= -guess]
+    if len(beyond) <= room:
+        beyond = sign * values
+    beyond.partition(room)
+    return sign * np.sort(beyond[: room + 1])
+
+
+def _some(values: np.ndarray) -> np.ndarray:
+    """Return a few thousand of the values, from all over them."""
+    return values[:: max(1, len(values) // _SOME)]
+
+
+def _is_continuous(values: np.ndarray) -> bool:
+    """Tell whether a feature is eligible.
+
+    A few samples decide where steps are well below the bandwidth, as they mostly are by far.
+    """
+    few = np.sort(_some(values))
+    if few[0] < few[-1]:
+        h = bandwidth(few) * (len(few) / len(values)) ** 0.2
+        if is_eligible(few, h / 2):
+            return True
+    ordered = np.sort(values)
+    return is_eligible(ordered, bandwidth(ordered))
+
+
+def _trim(pair: tuple[_Tail, _Tail], outside: Sequence[int], count: int) -> Trim:
+    (low, high), (below, above) = pair, outside
+    gone = np.array([low.beyond[below], high.beyond[above]])
+    inside = max(1.0 - gone.sum(), 0.0) ** low.members
+    # Of the volume outside, each side has its share of the length.
+    volumes = np.array([*(gone * ((1.0 - inside) / max(gone.sum(), np.finfo(float).tiny))), inside])
+    samples = np.array([below, above, count - below - above], dtype=np.float64)
+    both = samples + count * volumes
+    parts = np.divide(samples * count * volumes, both, out=np.zeros(3), where=both > 0)
+    return Trim(
+        float(low.values[below]),
+        float(high.values[above]),
+        (float(low.values[0]), float(high.values[0])),
+        float(parts.sum()),
+    )

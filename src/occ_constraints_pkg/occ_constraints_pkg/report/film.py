@@ -1,0 +1,193 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""One robot's drive from above, as a picture of its whole path or as a film."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+
+mpl.use('Agg')
+
+import numpy as np
+from matplotlib import animation
+from matplotlib import pyplot as plt
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.patches import Circle, FancyArrow, Patch, Polygon
+from scipy.spatial import ConvexHull
+
+from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.files import replacing
+from occ_constraints_pkg.worlds.base import World
+from occ_constraints_pkg.worlds.rotation import matrix_of
+from occ_constraints_pkg.worlds.stream import EpisodeStream
+from occ_constraints_pkg.worlds.view import Thing
+
+COLOURS = {
+    'goal': '#6aa84f',
+    'hazard': '#b9a3d3',
+    'pillar': '#4c4c8c',
+    'vase': '#3fa7b5',
+    'box': '#e0b03a',
+    'robot': '#222222',
+}
+_PATH, _COST = '#3b6ea5', '#c8362b'
+_SEE_THROUGH = {'goal': 0.35, 'hazard': 0.6}
+_DOTS_PER_INCH = 80
+_FRAMES_PER_SECOND = 12
+_WRITERS = {'.gif': 'pillow', '.mp4': 'ffmpeg'}
+# Half the side of the square in which things are placed, in m.
+_ARENA = 1.5
+
+
+@dataclass(frozen=True)
+class _Moment:
+    """What there is at one step, and how the episode stands."""
+
+    things: tuple[Thing, ...]
+    total: float
+    cost: float
+
+
+def draw_episode(
+    path: Path,
+    world: World,
+    driver: Callable[[np.ndarray], np.ndarray],
+    *,
+    steps: int,
+    seed: int,
+    progress: Callable[[int, int], None] = lambda *_: None,
+) -> dict[str, float]:
+    """Drive robot 0 through an episode and draw it.
+
+    Args:
+        path: ``.png`` for a picture of the whole path; ``.gif``, or ``.mp4`` where ffmpeg is
+            installed, for a film in simulated time.
+        world: has a view of its robots.
+        driver: acts.
+        steps: at most so many; the film ends with the episode.
+        seed: of the world.
+        progress: called with the frames done and to do.
+
+    Returns:
+        ``steps``, ``return`` and ``cost`` of what is shown.
+
+    Raises:
+        OccError: the world has no view, or there is no way to write such a file.
+    """
+    suffix = path.suffix.lower()
+    if suffix != '.png' and not animation.writers.is_available(_WRITERS.get(suffix, '')):
+        raise OccError(
+            f'cannot write {path}: allowed are .png, .gif and, where ffmpeg is installed, .mp4'
+        )
+    moments = _drive(world, driver, steps, seed)
+    stage = _Stage(world.name, moments)
+    try:
+        with replacing(path) as draft:
+            if suffix == '.png':
+                stage.show(len(moments) - 1)
+                stage.figure.savefig(draft, format='png', dpi=_DOTS_PER_INCH)
+            else:
+                # In simulated time, or as near as a film's frames come to it.
+                stride = max(1, round(1 / (_FRAMES_PER_SECOND * world.step_seconds)))
+                frames = range(0, len(moments), stride)
+                writer = animation.writers[_WRITERS[suffix]](fps=1 / (stride * world.step_seconds))
+                # The writer chooses the format by the name.
+                named = draft.with_name(draft.name + suffix)
+                with writer.saving(stage.figure, str(named), _DOTS_PER_INCH):
+                    for number, index in enumerate(frames, start=1):
+                        stage.show(index)
+                        writer.grab_frame()
+                        progress(number, len(frames))
+                named.replace(draft)
+    finally:
+        plt.close(stage.figure)
+    last = moments[-1]
+    return {'steps': len(moments) - 1, 'return': last.total, 'cost': last.cost}
+
+
+def draw_things(axis: Axes, things: Sequence[Thing]) -> list[Artist]:
+    """Draw what stands on the floor, seen from above, and return what was drawn.
+
+    An arrow tells the robot's heading.
+    """
+    drawn: list[Artist] = []
+    for thing in things:
+        axes, (x, y) = matrix_of(thing.quaternion[None])[0], thing.position[:2]
+        if thing.shape == 'cylinder':
+            drawn.append(axis.add_patch(Circle((x, y), thing.size[0] / 2, **_look(thing.kind))))
+            continue
+        # The outline of a box that may lie on any side.
+        corners = np.array([[a, b, c] for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)])
+        corners = ((corners * thing.size / 2) @ axes.T + thing.position)[:, :2]
+        outline = corners[ConvexHull(corners).vertices]
+        drawn.append(axis.add_patch(Polygon(outline, closed=True, **_look(thing.kind))))
+        if thing.kind == 'robot':
+            ahead = 0.12 * axes[:2, 0]
+            arrow = FancyArrow(
+                x - ahead[0], y - ahead[1], *(1.4 * ahead), width=0.01, color='white'
+            )
+            drawn.append(axis.add_patch(arrow))
+    return drawn
+
+
+def _look(kind: str) -> dict[str, Any]:
+    return {'color': COLOURS[kind], 'alpha': _SEE_THROUGH.get(kind, 1.0), 'lw': 0}
+
+
+def _drive(
+    world: World, driver: Callable[[np.ndarray], np.ndarray], steps: int, seed: int
+) -> list[_Moment]:
+    stream = EpisodeStream(world, seed=seed)
+    batch = stream.reset()
+    total = cost = 0.0
+    moments = [_Moment(world.view(0).things, total, cost)]
+    while len(moments) <= steps and not batch.done[0]:
+        batch = stream.step(driver(batch.observation))
+        total += float(batch.reward[0])
+        cost += float(batch.true_cost[0])
+        moments.append(_Moment(world.view(0).things, total, cost))
+    return moments
+
+
+class _Stage:
+    """A figure on which one moment after another is shown; what stays is drawn once."""
+
+    def __init__(self, name: str, moments: list[_Moment]) -> None:
+        self._name, self._moments = name, moments
+        self._places = np.array([_robot(moment).position[:2] for moment in moments])
+        self._costly = np.diff([moment.cost for moment in moments], prepend=0.0) > 0
+        self.figure, self._axis = plt.subplots(figsize=(6, 6.2))
+        reach = max(_ARENA, float(np.abs(self._places).max())) + 0.2
+        self._axis.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect='equal')
+        self._axis.set(xlabel='x [m]', ylabel='y [m]')
+        self._path = self._axis.plot([], [], color=_PATH, lw=1.2, zorder=3)[0]
+        self._costs = self._axis.plot([], [], '.', color=_COST, ms=4, zorder=4)[0]
+        kinds = dict.fromkeys(thing.kind for thing in moments[0].things)
+        handles: list[Artist] = [Patch(label=kind, **_look(kind)) for kind in kinds]
+        handles.append(plt.Line2D([], [], color=_COST, marker='.', ls='', label='cost'))
+        self._axis.legend(handles=handles, loc='upper right', fontsize=8, framealpha=0.8)
+        self._drawn: list[Artist] = []
+
+    def show(self, index: int) -> None:
+        """Show a step and the path that led there."""
+        moment = self._moments[index]
+        for artist in self._drawn:
+            artist.remove()
+        self._drawn = draw_things(self._axis, moment.things)
+        places, costly = self._places[: index + 1], self._costly[: index + 1]
+        self._path.set_data(*places.T)
+        self._costs.set_data(*places[costly].T)
+        self._axis.set_title(
+            f'{self._name}, step {index}: return {moment.total:.1f}, cost {moment.cost:.0f}',
+            fontsize=10,
+        )
+
+
+def _robot(moment: _Moment) -> Thing:
+    return next(thing for thing in moment.things if thing.kind == 'robot')

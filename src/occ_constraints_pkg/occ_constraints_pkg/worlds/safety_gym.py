@@ -1,0 +1,364 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""The Safety-Gym tasks Goal and Push, level 1, for the robots Point and Car."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import Any, ClassVar
+
+import numpy as np
+
+from occ_constraints_pkg.worlds.base import Column, World
+from occ_constraints_pkg.worlds.bodies import (
+    CAR,
+    CAR_BOX,
+    PILLAR_HEIGHT,
+    PILLAR_RADIUS,
+    POINT,
+    POINT_BOX,
+    VASE,
+    Movable,
+    Robot,
+)
+from occ_constraints_pkg.worlds.layout import Layout, PlacementRules
+from occ_constraints_pkg.worlds.lidar import BINS, MAX_DISTANCE, beams, lidar_returns
+from occ_constraints_pkg.worlds.physics import SUBSTEPS, Physics
+from occ_constraints_pkg.worlds.robots import checked_action, robot_generators, selected_rows
+from occ_constraints_pkg.worlds.rotation import matrix_of_yaw, product, quaternion_of_yaw
+from occ_constraints_pkg.worlds.velocity_control import velocity_action
+from occ_constraints_pkg.worlds.view import RobotView, Thing, standing_cylinder
+
+GOAL_RADIUS = 0.3
+_GOAL_HEIGHT = 0.16
+# How high goal and hazards are drawn, in m.
+_GOAL_SIZE, _HAZARD_SIZE = 0.3, 0.02
+_ROBOT_KEEPOUT = 0.4
+_FAILURE_REWARD = -10.0
+_REWARD_CLIP = 10.0
+
+
+class SafetyGymWorld(World):
+    """What all of these tasks share; each robot has its own floor.
+
+    The true cost is 1 within the radius of a hazard of its centre. Goal and hazards are seen by
+    lidars and touch nothing, so they live in arrays; what is touched lives in the physics.
+
+    Episodes end by truncation after 1000 steps. They terminate only where a new goal finds no
+    free place, as in Safety-Gym, or where the physics of a robot blows up: that robot then gets
+    reward -10, and keeps its last observation. ``info['failed']`` (N,) bool tells the latter.
+
+    Attributes:
+        robot: what drives.
+        movable: what can be pushed.
+        rules: how much room things keep when they are placed.
+        lidars: kind of things that each lidar sees, and how many there are.
+        hazard_radius: in m.
+        generators: one per robot; draws its layouts and new goals.
+        physics: where robots, vases, boxes and pillars are and how they move.
+    """
+
+    robot: ClassVar[Robot]
+    movable: ClassVar[Movable]
+    rules: ClassVar[PlacementRules]
+    lidars: ClassVar[dict[str, int]]
+    hazard_radius: ClassVar[float]
+    max_episode_steps = 1000
+    state_names = (
+        'generators',
+        '_objects',
+        '_to_go',
+        '_steps',
+        '_observation',
+        'physics.qpos',
+        'physics.qvel',
+        'physics.movable',
+        'physics.movable_velocity',
+        'physics.pillars',
+        'physics._moves',
+    )
+
+    def __init_subclass__(cls) -> None:
+        """Derive the names of columns and the length of a step from robot and lidars."""
+        super().__init_subclass__()
+        if hasattr(cls, 'robot'):
+            cls.name = cls.__name__
+            cls.columns = tuple(
+                Column(name, unit, -bound, bound) for name, unit, bound in cls.robot.sensors
+            ) + tuple(
+                Column(f'{kind}_lidar_{index}', '1', 0.0, 1.0)
+                for kind in cls.lidars
+                for index in range(BINS)
+            )
+            cls.action_columns = tuple(
+                Column(name, low=-1.0, high=1.0) for name in cls.robot.actions
+            )
+            cls.step_seconds = SUBSTEPS * cls.robot.timestep
+            cls.view_kinds = tuple(cls.lidars)
+
+    def __init__(self, num_envs: int, *, threads: int = 0) -> None:
+        """Build the world; :meth:`reset` it before the first step.
+
+        Args:
+            num_envs: number of robots N.
+            threads: threads that step the physics; 0 means one per core, fewer for small N.
+        """
+        self.num_envs = num_envs
+        self.generators = robot_generators(None, num_envs)
+        self.physics = Physics(
+            self.robot,
+            self.movable,
+            pillars=self.lidars.get('pillars', 0),
+            num_envs=num_envs,
+            threads=threads,
+        )
+        # What each robot's lidars see, in their order: the goal first, the vase or box last.
+        self._objects = np.zeros((num_envs, sum(self.lidars.values()), 2))
+        self._goal = self._objects[:, 0]
+        self._hazards = self._objects[:, 1 : 1 + self.lidars['hazards']]
+        self._pillars = self._objects[:, 1 + self.lidars['hazards'] : -1]
+        self._movable = self._objects[:, -1]
+        self._to_go = np.zeros(num_envs)
+        self._steps = np.zeros(num_envs, dtype=np.int64)
+        self._observation = np.zeros((num_envs, len(self.columns)), dtype=np.float32)
+
+    def reset(
+        self, *, seed: int | None = None, mask: np.ndarray | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Start new episodes; see :meth:`World.reset`."""
+        rows = selected_rows(mask, self.num_envs)
+        if seed is not None:
+            self.generators = robot_generators(seed, self.num_envs)
+        if len(rows):
+            self.start(rows, self.rules.sample_layout([self.generators[row] for row in rows]))
+        return self._observation.copy(), {'true_cost': self._cost()}
+
+    def start(
+        self, rows: np.ndarray, layout: Layout, velocity: np.ndarray | float = 0.0
+    ) -> np.ndarray:
+        """Start an episode of some robots from given places, for example recorded ones.
+
+        Args:
+            rows: (M,) indices of the robots.
+            layout: the M places.
+            velocity: (M, nv) of the robots as MuJoCo has them; for Point x, y in m/s, world frame,
+                and yaw in rad/s.
+
+        Returns:
+            (M, k) float32, their observations.
+        """
+        sensors = self.physics.place(rows, layout.robot, layout.movable, layout.pillars, velocity)
+        self._goal[rows] = layout.goal
+        self._hazards[rows] = layout.hazards
+        self._pillars[rows] = layout.pillars
+        self._movable[rows] = layout.movable[:, :2]
+        self._steps[rows] = 0
+        self._to_go[rows] = self._distances()[0][rows]
+        self._observe(rows, sensors)
+        return self._observation[rows]
+
+    def move_goals(self, rows: np.ndarray, places: np.ndarray) -> np.ndarray:
+        """Put the goals of some robots elsewhere, for example where a record has them.
+
+        Args:
+            rows: (M,) indices of the robots.
+            places: (M, 2) x, y in m.
+
+        Returns:
+            (M, k) float32, the observations of these robots.
+        """
+        self._goal[rows] = places
+        self._to_go[rows] = self._distances()[0][rows]
+        self._observe(rows, self._observation[rows, : len(self.robot.sensors)])
+        return self._observation[rows]
+
+    def step(
+        self, action: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """Advance every robot by one step; see :meth:`World.step`."""
+        action = checked_action(action, self.num_envs, self.robot.actions)
+        sensors, failed = self.physics.step(action)
+        self._movable[:] = self.physics.movable[:, :2]
+        self._steps += 1
+
+        to_go, to_goal = self._distances()
+        reached = (to_goal <= GOAL_RADIUS) & ~failed
+        reward = np.clip(self._to_go - to_go + reached, -_REWARD_CLIP, _REWARD_CLIP)
+        reward[failed] = _FAILURE_REWARD
+        terminated = failed.copy()
+        for row in np.flatnonzero(reached):
+            terminated[row] = not self._move_goal(row)
+        self._to_go = self._distances()[0] if reached.any() else to_go
+
+        if failed.any():
+            self._observe(np.flatnonzero(~failed), sensors[~failed])
+        else:
+            self._observe(slice(None), sensors)
+        truncated = ~terminated & (self._steps >= self.max_episode_steps)
+        info = {'true_cost': self._cost(), 'failed': failed}
+        return self._observation.copy(), reward, terminated, truncated, info
+
+    def close(self) -> None:
+        """Stop the threads."""
+        self.physics.close()
+
+    def view(self, row: int) -> RobotView:
+        """Return one robot as ROS and pictures see it; see :meth:`World.view`."""
+        physics, forward = self.physics, self.robot.forward
+        # The base frame looks the way the robot drives.
+        base = matrix_of_yaw(np.array([forward]))[0]
+        sensors = self._observation[row, :9].astype(np.float64).reshape(3, 3)
+        acceleration, linear, angular = sensors @ base
+        width = len(self.robot.sensors)
+        lidars = self._observation[row, width:].astype(np.float64).reshape(-1, BINS)
+        first_beam, ranges = beams(lidars, forward)
+        quaternion = product(physics.quaternion(row), quaternion_of_yaw(np.array([forward]))[0])
+        return RobotView(
+            position=physics.position[row].copy(),
+            quaternion=quaternion,
+            linear_velocity=linear,
+            angular_velocity=angular,
+            acceleration=acceleration,
+            ranges=dict(zip(self.lidars, ranges, strict=True)),
+            first_beam=first_beam,
+            beam_step=2 * np.pi / BINS,
+            range_max=MAX_DISTANCE,
+            things=self._things(row, quaternion),
+        )
+
+    def _things(self, row: int, heading: np.ndarray) -> tuple[Thing, ...]:
+        """Return everything around a robot, and itself; its box is wide enough to hold it all."""
+        movable, half = self.physics.movable[row], 2 * self.movable.half_extents
+        goal = standing_cylinder('goal', self._goal[row], GOAL_RADIUS, _GOAL_SIZE)
+        return (
+            goal,
+            *(
+                standing_cylinder('hazard', place, self.hazard_radius, _HAZARD_SIZE)
+                for place in self._hazards[row]
+            ),
+            *(
+                standing_cylinder('pillar', place, PILLAR_RADIUS, PILLAR_HEIGHT)
+                for place in self._pillars[row]
+            ),
+            Thing(self.movable.name, 'box', movable[:3].copy(), movable[3:].copy(), half),
+            Thing(
+                'robot',
+                'box',
+                self.physics.position[row].copy(),
+                heading,
+                np.array(self.robot.size),
+            ),
+        )
+
+    def action_for(self, row: int, speed: float, turning: float) -> np.ndarray:
+        """Return the action that a velocity command asks for; see :meth:`World.action_for`."""
+        view = self.view(row)
+        now = np.array([view.linear_velocity[0], view.angular_velocity[2]])
+        return velocity_action(self.robot, np.array([speed, turning]), now)
+
+    @abstractmethod
+    def _distances(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return what each robot still has to go, and how far from the goal what matters is.
+
+        The reward is the decrease of the first, plus 1 where the second is at most the goal's
+        radius; both are (N,) in m.
+        """
+
+    @property
+    def _position(self) -> np.ndarray:
+        return self.physics.qpos[:, :2]
+
+    def _move_goal(self, row: int) -> bool:
+        """Move a goal that was reached; return whether there was room for it."""
+        obstacles = np.concatenate([self._position[row : row + 1], self._objects[row, 1:]])
+        place = self.rules.sample_goal(self.generators[row], obstacles)
+        if place is None:
+            return False
+        self._goal[row] = place
+        return True
+
+    def _observe(self, rows: np.ndarray | slice, sensors: np.ndarray) -> None:
+        """Write the observation of some robots from their (M, s) sensors and their places."""
+        position, axes = self.physics.position[rows], self.physics.axes[rows]
+        returns = lidar_returns(position, axes, self._objects[rows])
+        width = sensors.shape[1]
+        self._observation[rows, :width] = sensors
+        first = 0
+        for count in self.lidars.values():
+            kind = returns[:, first : first + count]
+            self._observation[rows, width : width + BINS] = kind.max(axis=1)
+            first, width = first + count, width + BINS
+
+    def _cost(self) -> np.ndarray:
+        offset = self._hazards - self._position[:, None]
+        nearest = np.hypot(offset[..., 0], offset[..., 1]).min(axis=1)
+        return (nearest <= self.hazard_radius).astype(np.float64)
+
+
+class _Goal(SafetyGymWorld):
+    """Drive to goal after goal on a floor with eight hazards and a vase.
+
+    The reward is the decrease of the distance to the goal, in m, plus 1 in every step that ends
+    within 0.3 m of it; the goal then moves elsewhere. The vase may be pushed about, at no cost.
+    """
+
+    movable = VASE
+    rules = PlacementRules(
+        robot=_ROBOT_KEEPOUT, goal=0.305, hazards=(0.18,) * 8, pillars=(), movable=0.15
+    )
+    lidars: ClassVar = {'goal': 1, 'hazards': 8, 'vases': 1}
+    hazard_radius = 0.2
+
+    def _distances(self) -> tuple[np.ndarray, np.ndarray]:
+        distance = np.linalg.norm(self._goal - self._position, axis=1)
+        return distance, distance
+
+
+class _Push(SafetyGymWorld):
+    """Push a box to goal after goal on a floor with two hazards and a pillar.
+
+    The reward is the decrease of the distance to the box, plus that of the box to the goal, in m,
+    plus 1 in every step that ends with the box within 0.3 m of the goal; the goal then moves
+    elsewhere. As in Safety-Gym these distances are three-dimensional, though robot, box and goal
+    differ in height. The pillar stands firm and costs nothing.
+    """
+
+    lidars: ClassVar = {'goal': 1, 'hazards': 2, 'pillars': 1, 'push_box': 1}
+    hazard_radius = 0.3
+
+    def _distances(self) -> tuple[np.ndarray, np.ndarray]:
+        box = self.physics.movable[:, :3]
+        goal = np.column_stack([self._goal, np.full(self.num_envs, _GOAL_HEIGHT)])
+        to_box = np.linalg.norm(box - self.physics.position, axis=1)
+        to_goal = np.linalg.norm(goal - box, axis=1)
+        return to_box + to_goal, to_goal
+
+
+def _push_rules(box: float) -> PlacementRules:
+    return PlacementRules(
+        robot=_ROBOT_KEEPOUT, goal=0.4, hazards=(0.4,) * 2, pillars=(0.3,), movable=box
+    )
+
+
+class PointGoal1(_Goal):
+    """Goal with the robot Point."""
+
+    robot = POINT
+
+
+class CarGoal1(_Goal):
+    """Goal with the robot Car."""
+
+    robot = CAR
+
+
+class PointPush1(_Push):
+    """Push with the robot Point."""
+
+    robot, movable, rules = POINT, POINT_BOX, _push_rules(0.2)
+
+
+class CarPush1(_Push):
+    """Push with the robot Car, whose box is smaller."""
+
+    robot, movable, rules = CAR, CAR_BOX, _push_rules(0.125)

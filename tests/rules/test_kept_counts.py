@@ -1,0 +1,103 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Counters go on where the process before left them, and count nothing twice."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.rules import Feature, FeatureSpace, Literal, Rule, RuleCounts, RuleSet
+from occ_constraints_pkg.rules.kept_counts import KeptCounts, read_counts
+
+RULES = RuleSet(
+    FeatureSpace((Feature('x'), Feature('y'))),
+    (Rule('a', (Literal(0, '>', 0.5),)), Rule('b', (Literal(1, '>', 0.5),))),
+    np.array([[0.0, 1.0], [0.0, 1.0]]),
+)
+BATCHES = [np.random.default_rng(seed).uniform(size=(20, 2)) for seed in range(6)]
+
+
+def numbers(counts):
+    return counts.evaluated.tolist(), counts.violated.tolist()
+
+
+@pytest.mark.parametrize('repeated', [False, True])
+def test_a_restart_goes_on_and_counts_a_repeat_once(tmp_path, repeated):
+    plain, path = RuleCounts(RULES), tmp_path / 'counts.json'
+    counts = KeptCounts(RULES, path)
+    assert not counts.resumed
+    for stamp, rows in enumerate(BATCHES, start=1):
+        judgement = RULES.judge(rows)
+        plain.add(judgement)
+        counts.add_stamped(judgement, stamp)
+        if stamp == 3:
+            counts.keep()
+            counts = KeptCounts(RULES, path)
+            assert counts.resumed
+            assert counts.until_ns == 3
+            if repeated:
+                counts.add_stamped(judgement, stamp)
+    assert numbers(counts) == numbers(plain)
+    counts.keep()
+    assert numbers(read_counts(path, RULES)) == numbers(plain)
+    assert [item.name for item in tmp_path.iterdir()] == ['counts.json']
+
+
+def test_only_a_restart_makes_a_stamp_one_that_was_counted():
+    """A sensor whose stamps stand still is counted all the same."""
+    counts = KeptCounts(RULES)
+    for rows in BATCHES:
+        counts.add_stamped(RULES.judge(rows), 7)
+    assert counts.evaluated[0] == 120
+    counts.keep()
+
+
+def test_a_reset_is_kept(tmp_path):
+    counts = KeptCounts(RULES, tmp_path / 'counts.json')
+    counts.add_stamped(RULES.judge(BATCHES[0]), 1)
+    counts.keep()
+    counts.reset()
+    counts.keep()
+    assert numbers(read_counts(tmp_path / 'counts.json', RULES)) == ([0, 0], [0, 0])
+
+
+def test_counters_of_other_rules_are_not_taken(tmp_path):
+    path = tmp_path / 'counts.json'
+    counts = KeptCounts(RULES, path)
+    counts.add_stamped(RULES.judge(BATCHES[0]), 1)
+    counts.keep()
+    other = replace(RULES, rules=RULES.rules[:1])
+    fresh = KeptCounts(other, path)
+    assert not fresh.resumed
+    assert fresh.evaluated.tolist() == [0]
+    fresh.add_stamped(other.judge(BATCHES[1]), 2)
+    fresh.keep()
+    beside = tmp_path / f'counts.json.{RULES.fingerprint}'
+    assert numbers(read_counts(beside, RULES)) == numbers(counts)
+    counts.reset()
+    counts.keep()
+    with pytest.raises(OccError, match='counts other rules'):
+        read_counts(path, other)
+
+
+@pytest.mark.parametrize(
+    'text', ['', '[]', '{"format": "x"}', 'null', '{"format": "occ_constraints counts 1"}']
+)
+def test_other_files_are_refused(tmp_path, text):
+    (tmp_path / 'file').write_text(text)
+    with pytest.raises(OccError, match='no file of rule counters'):
+        KeptCounts(RULES, tmp_path / 'file')
+    with pytest.raises(OccError, match='no such file'):
+        read_counts(tmp_path / 'nowhere', RULES)
+
+
+def test_damaged_counters_are_refused(tmp_path):
+    path = tmp_path / 'counts.json'
+    KeptCounts(RULES, path).keep()
+    whole = json.loads(path.read_text())
+    for change in ({'rules': {}}, {'until_ns': 'x'}, {'rules': {'a': {}, 'b': {}}}):
+        path.write_text(json.dumps(whole | change))
+        with pytest.raises(OccError, match='no file of rule counters'):
+            KeptCounts(RULES, path)

@@ -82,7 +82,7 @@ MISTAKES = {
     'learn nowhere -m simple_nav': 'there is no recording at nowhere',
     'learn empty -m simple_nav': 'empty holds no messages',
     'learn elsewhere -m simple_nav': "no topic 'observation'",
-    'learn rules.yaml -m simple_nav': 'allowed keys are schema_version, recordings',
+    'learn rules.yaml -m simple_nav': 'rules.yaml is not a recording, nor a manifest',
     'learn careful -m simple_nave': "did you mean 'simple_nav'",
     'learn careful -m nowhere.yaml': "no feature map 'nowhere.yaml'",
     'learn careful -m simple_nav --contamination 2': 'contamination is 2.0',

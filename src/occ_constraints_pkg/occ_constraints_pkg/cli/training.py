@@ -247,8 +247,8 @@ def evaluate(
     Of one policy the 95 % intervals are over episodes, of several over policies.
 
     \b
-    Examples: occ evaluate runs/mine/policy.npz --episodes 50
-              occ evaluate expert --world CarGoal1
+    Example: occ evaluate runs/mine/policy.npz --episodes 50
+    Example: occ evaluate expert --world CarGoal1
     """
     from occ_constraints_pkg.agents.evaluation import evaluate_driver, over_policies
     from occ_constraints_pkg.rules.constraints_file import load_constraints

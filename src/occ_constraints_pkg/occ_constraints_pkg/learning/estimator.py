@@ -58,7 +58,9 @@ class OCTreeClassifier(OutlierMixin, BaseEstimator):
             bounds were learned from all have margin 0, and no bound moves where the aim falls
             among them.
         most_outside: for ``'auto'``: the ``contamination`` of :class:`OCTreeSettings`; ``None``
-            to estimate it, which without families of features finds samples far out only.
+            to estimate it as ``occ learn`` does, which without families of features finds samples
+            far out only. The default is a number because scikit-learn expects that a detector
+            finds outliers in any sample.
         max_depth: this and the others: see :class:`OCTreeSettings`.
         clip: see there.
         gamma: see there.

@@ -111,6 +111,8 @@ MISTAKES = {
     'evaluate rules.yaml': 'rules.yaml',
     'evaluate policy.npz --world simple_nave': "did you mean 'simple_nav'",
     'evaluate policy.npz --episodes 0': '0',
+    'evaluate straight': 'a driver needs --world',
+    'evaluate strait --world simple_nav': 'allowed are random, straight, expert',
     'bench lop': "'lop' is not",
     'node': "Missing argument 'NAME'",
     'node monitr': "did you mean 'monitor'",
@@ -297,6 +299,14 @@ def test_evaluate_prints_numbers(occ):
     code, out, _ = occ('evaluate policy.npz --episodes 3')
     assert code == 0
     assert f'cost: {numbers["cost"]:.3f}' in out
+
+
+def test_evaluate_takes_a_driver(occ):
+    code, out, _ = occ('evaluate straight --world simple_nav --episodes 3 --json')
+    numbers = json.loads(out)
+    assert code == 0
+    assert numbers['return'] > 2
+    assert numbers['cost'] > 5
 
 
 def test_a_reader_that_leaves_early_is_no_error(files):

@@ -57,7 +57,8 @@ def test_suggest_then_learn_then_check(capsys, bag, tmp_path):
     assert run(capsys, 'learn', bag, '-m', target, '-o', rules)[0] == 0
     code, out, _ = run(capsys, 'check', bag, '-c', rules)
     # The first row has no command yet.
-    assert 'UNKNOWN: commanded_speed unusable in 1 samples' in out
+    assert '1 interval UNKNOWN: commanded_speed unusable' in out
+    assert 'commanded_speed' not in out.partition('rules violated')[2]
 
 
 def test_suggest_prints_the_map_alone(capsys, bag):

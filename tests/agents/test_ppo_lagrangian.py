@@ -115,7 +115,7 @@ def test_multiplier_follows_the_cost_of_episodes_once_there_are_any():
 
 
 @pytest.mark.parametrize('decay_steps', [0, 500])
-def test_step_sizes_fall_to_a_tenth(decay_steps):
+def test_step_sizes_fall_to_a_quarter(decay_steps):
     learner, stream = make_learner(decay_steps=decay_steps), EpisodeStream(LineWorld(8), seed=1)
     batch, sizes = stream.reset(), []
     for _ in range(6):
@@ -123,7 +123,7 @@ def test_step_sizes_fall_to_a_tenth(decay_steps):
         sizes.append(learner._optimiser.param_groups[0]['lr'])
     if decay_steps:
         assert (np.diff(sizes) <= 0).all()
-        assert sizes[-1] == pytest.approx(1e-4)
+        assert sizes[-1] == pytest.approx(2.5e-4)
     else:
         assert sizes == [1e-3] * 6
 
@@ -164,6 +164,21 @@ def test_a_checkpoint_continues_exactly(tmp_path, calls):
     assert len(curve) >= 6
     np.testing.assert_array_equal(untimed(curve), untimed(its_curve))
     assert same_policy(learner, twin)
+
+
+def test_choosing_ahead_changes_nothing():
+    curves = []
+    for ahead in (False, True):
+        learner, stream = make_learner(), EpisodeStream(LineWorld(8), seed=1)
+        batch, found = stream.reset(), []
+        for _ in range(100):
+            if ahead:
+                learner.choose(batch)
+            batch, metrics = run(learner, stream, batch, 1)
+            found += metrics
+        curves.append(untimed(found))
+    assert len(curves[0]) == 6
+    np.testing.assert_array_equal(*curves)
 
 
 def test_an_interruption_loses_one_transition_and_counts_nothing_twice():

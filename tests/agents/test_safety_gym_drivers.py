@@ -6,7 +6,7 @@ from occ_constraints_pkg.agents.evaluation import evaluate
 from occ_constraints_pkg.agents.safety_gym_drivers import Senses
 from occ_constraints_pkg.agents.scripted import make_driver
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.worlds.lidar import lidar_returns
+from occ_constraints_pkg.worlds.lidar import lidar_readings
 from occ_constraints_pkg.worlds.registry import make_world, world_class
 
 
@@ -18,10 +18,9 @@ def _seeing(width, first, bearing, distance=1.5):
     """Return observations of one object each, at some bearings."""
     objects = distance * np.column_stack([np.cos(bearing), np.sin(bearing)])[:, None]
     observation = np.zeros((len(bearing), width))
-    returns = lidar_returns(
-        np.zeros((len(bearing), 3)), np.tile(np.eye(3), (len(bearing), 1, 1)), objects
-    )
-    observation[:, first : first + 16] = returns[:, 0]
+    axes = np.tile(np.eye(3), (len(bearing), 1, 1))
+    lidar = lidar_readings(np.zeros((len(bearing), 3)), axes, objects, np.zeros(1, dtype=int))
+    observation[:, first : first + 16] = lidar[:, 0]
     return observation
 
 

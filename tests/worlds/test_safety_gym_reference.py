@@ -2,8 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Against traces of safety-gymnasium 1.0.0 (MuJoCo 2.3.3) under random actions.
 
-Contacts with vase, box and pillar are not compared, as MuJoCo's collisions of boxes and cylinders
-have changed since.
+Contacts with vase, box and pillar are not compared, as MuJoCo's collision routines have changed.
 """
 
 import os
@@ -62,7 +61,7 @@ def test_the_path_of_a_car_and_everything_along_it(task):
     found = free_run(traces, steps)
     most = np.minimum(traces.untouched, steps)
     followed = found.followed(most)
-    # In one episode a wheel lands a rounding earlier; from there on the paths differ.
+    # In one episode a contact with the floor hangs on less than the paths agree by.
     assert (followed == most).sum() >= 4
     assert followed.min() > 100
     worst = found.over(followed)

@@ -43,7 +43,7 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument(
                 'world',
                 default_value='PointGoal1',
-                description='World to simulate: simple_nav or PointGoal1.',
+                description='World to simulate, such as simple_nav, PointGoal1 or CarPush1.',
             ),
             DeclareLaunchArgument(
                 'num_robots',

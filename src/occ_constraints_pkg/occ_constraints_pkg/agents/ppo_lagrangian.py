@@ -43,7 +43,7 @@ from occ_constraints_pkg.worlds.base import Column
 from occ_constraints_pkg.worlds.stream import StepBatch
 
 # Share of the first step size that is left at the end of its decay, and after it.
-_LEAST_STEP_SIZE = 0.1
+_LEAST_STEP_SIZE = 0.25
 
 
 class PPOLagrangian:
@@ -114,11 +114,19 @@ class PPOLagrangian:
         self._policy = self.policy()
         self._rollout: Rollout | None = None
         self._episodes: Episodes | None = None
-        self._begins_whole = True
-        self._open = False
+        self._open, self._begins_whole = False, True
         self._last_done: np.ndarray | None = None
-        self._clock = time.perf_counter()
-        self._steps_then = 0
+        self._chosen: tuple[StepBatch, np.ndarray] | None = None
+        self._clock, self._steps_then = time.perf_counter(), 0
+
+    def choose(self, batch: StepBatch) -> None:
+        """Choose the next action while the cost of ``batch`` is still under way.
+
+        Nothing happens where an update comes first. :meth:`act` gives the same answers as without.
+        """
+        rollout = self._rollout
+        if rollout is not None and rollout.filled + self._open < self.config.rollout_steps:
+            self._chosen = batch, self._policy.act(batch.observation, self._rng)
 
     def act(self, batch: StepBatch, cost: np.ndarray) -> np.ndarray:
         """Learn what the last action led to, and choose the next.
@@ -148,7 +156,9 @@ class PPOLagrangian:
             self._rollout.observation[-1] = batch.observation
             self._update()
         t = self._rollout.filled
-        action = self._policy.act(batch.observation, self._rng)
+        (seen, action), self._chosen = self._chosen or (None, None), None
+        if seen is not batch:
+            action = self._policy.act(batch.observation, self._rng)
         self._rollout.observation[t] = batch.observation
         self._rollout.action[t] = action
         self._last_done = batch.done
@@ -213,6 +223,7 @@ class PPOLagrangian:
 
     def _update(self) -> None:
         """Learn from the full rollout and empty it."""
+        self._chosen = None
         config, rollout = self.config, self._rollout
         if not rollout.valid.any():
             rollout.filled = 0

@@ -16,6 +16,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.context import Context
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.task import Future
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Float64
@@ -24,9 +25,11 @@ from occ_constraints_pkg.bags.table import Table
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.learning.scoring import score_flags
 from occ_constraints_pkg.ros.messages import to_nanoseconds
-from occ_constraints_pkg.ros.qos import SETTLED_LOOKS, STEPS
+from occ_constraints_pkg.ros.qos import SETTLED_LOOKS
 
 _LOOK_SECONDS = 0.05
+# A bystander holds nobody up: while it waits for a process to end, the others go on.
+_ALL = QoSProfile(depth=20_000, reliability=ReliabilityPolicy.RELIABLE)
 # A client knows a service before the service knows the client, and an answer sent within that
 # moment is dropped. No call tells when it is over; so a request without an answer is repeated.
 _ANSWER_SECONDS = 3.0
@@ -100,7 +103,7 @@ class Witness:
             (DiagnosticArray, 'violation', self._on_violation),
             (DiagnosticArray, '/diagnostics', self._on_diagnostics),
         ):
-            self.node.create_subscription(kind, topic, callback, STEPS)
+            self.node.create_subscription(kind, topic, callback, _ALL)
 
     def __enter__(self) -> Witness:
         return self

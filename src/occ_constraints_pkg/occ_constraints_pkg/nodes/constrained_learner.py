@@ -24,6 +24,7 @@ from occ_constraints_pkg.ros.tables import action_table, step_batch
 from occ_constraints_pkg.rules.verdict import Verdict
 from occ_constraints_pkg.worlds.base import World
 from occ_constraints_pkg.worlds.registry import world_class
+from occ_constraints_pkg.worlds.stream import StepBatch
 
 # How often the node looks whether it gets what it needs, and how long it waits in silence.
 _LOOK_SECONDS, _SILENT_SECONDS = 0.5, 2.0
@@ -69,6 +70,9 @@ class ConstrainedLearner(OccNode):
         self._began = 0.0
         self._answered: int | None = None
         self._answer: PointCloud2 | None = None
+        # The newest observation, with its stamp, for which an action has been chosen.
+        self._seen: int | None = None
+        self._batch: StepBatch | None = None
         # When the last step came, why the newest is no step, and whether waiting has been told.
         self._paired = self.steady_seconds()
         self._problem = ''
@@ -81,7 +85,7 @@ class ConstrainedLearner(OccNode):
             PointCloud2, 'training', VERDICTS, qos_overriding_options=overridable()
         )
         self._pairing = Pairing(self._on_step)
-        self._observation = self._listen('observation', self._pairing.on_first)
+        self._observation = self._listen('observation', self._on_observation)
         self._costs = self._listen('costs', self._pairing.on_second)
         self.steady_timer(_LOOK_SECONDS, self._watch)
 
@@ -90,6 +94,14 @@ class ConstrainedLearner(OccNode):
             PointCloud2, topic, callback, STEPS, qos_overriding_options=overridable()
         )
         return subscription.topic_name
+
+    def _on_observation(self, message: PointCloud2) -> None:
+        # While the monitor judges, the action is chosen: it does not depend on the cost.
+        stamp = to_nanoseconds(message.header.stamp)
+        if self._learner is not None and stamp not in (self._answered, self._seen):
+            self._seen, self._batch = stamp, step_batch(Table.from_message(message))
+            self._learner.choose(self._batch)
+        self._pairing.on_first(message)
 
     def _on_step(self, observation: PointCloud2, costs: PointCloud2) -> None:
         stamp = to_nanoseconds(observation.header.stamp)
@@ -110,7 +122,8 @@ class ConstrainedLearner(OccNode):
                 throttle_duration_sec=5.0,
             )
         self._go_on()
-        batch = step_batch(Table.from_message(observation))
+        seen = self._batch if stamp == self._seen else None
+        batch = seen or step_batch(Table.from_message(observation))
         world = observation.header.frame_id
         learner = self._learner or self._start(world)
         if self._answered is None or stamp != self._answered + self._step_ns:

@@ -23,6 +23,8 @@ _LOOK_SECONDS = 0.05
 _PLAY_SECONDS = 0.001
 # Messages published in one go when the player is behind, before other callbacks get a turn.
 _BURST = 100
+# How long subscribers may take, on a busy machine, to get all of a recording that has been played.
+_LEAVE_SECONDS = 10.0
 _CLOCK = '/clock'
 
 
@@ -135,7 +137,8 @@ class Player(OccNode):
 
     def close(self) -> None:
         """Let the last messages leave before the publishers go."""
-        self.let_leave(*self._publishers_of.values())
+        patience = _LEAVE_SECONDS if self._playback.is_over else 1.0
+        self.let_leave(*self._publishers_of.values(), seconds=patience)
 
 
 def main(argv: list[str] | None = None) -> int:

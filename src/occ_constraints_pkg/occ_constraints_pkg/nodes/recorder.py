@@ -35,6 +35,8 @@ class _Recorded:
 class Recorder(OccNode):
     """Subscribes to topics as they appear and writes their serialized messages unchanged."""
 
+    takes_the_rest = True
+
     def __init__(self) -> None:
         super().__init__('recorder')
         output = self.parameter('output', '', 'directory of the new bag; must not exist yet')

@@ -55,7 +55,11 @@ class OccNode(Node):
 
     Attributes:
         done: set when the process should end; its result is the exit code.
+        takes_the_rest: whether messages that have come when the process is asked to end are still
+            handed to their callbacks.
     """
+
+    takes_the_rest = False
 
     def __init__(self, name: str, **kwargs: Any) -> None:
         self.done: Future = Future()
@@ -106,9 +110,9 @@ class OccNode(Node):
             ) from error
         return self.resolve_topic_name(topic)
 
-    def let_leave(self, *publishers: Publisher) -> None:
+    def let_leave(self, *publishers: Publisher, seconds: float = _LEAVE_SECONDS) -> None:
         """Wait, not for long, until reliable subscribers have what was published last."""
-        end = self.steady_seconds() + _LEAVE_SECONDS
+        end = self.steady_seconds() + seconds
         for publisher in publishers:
             publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - self.steady_seconds())))
 
@@ -265,6 +269,8 @@ def _spin(node: OccNode) -> int:
     executor.add_node(node)
     while not (stop_request.made or node.done.done() or parent_is_gone()):
         executor.spin_until_future_complete(node.done, _LOOK_SECONDS)
+    if node.takes_the_rest and not node.done.done():
+        executor.spin_until_future_complete(node.done, 0.0)
     return node.done.result() if node.done.done() else 0
 
 

@@ -8,16 +8,17 @@ import numpy as np
 
 BINS = 16
 MAX_DISTANCE = 3.0
-# Middle of each bin, in bins; bin 0 starts straight along x and bins go counter-clockwise.
-_CENTRES = np.arange(BINS) + 0.5
 
 
-def lidar_returns(position: np.ndarray, axes: np.ndarray, objects: np.ndarray) -> np.ndarray:
-    """Return what each object on its own contributes to each bin.
+def lidar_readings(
+    position: np.ndarray, axes: np.ndarray, objects: np.ndarray, lidars: np.ndarray
+) -> np.ndarray:
+    """Return what each lidar reads: the nearest of the objects that it sees, by direction.
 
-    An object at distance d gives the bin that holds its bearing ``max(0, 3 - d) / 3``, and its
-    two neighbours a share of that which grows linearly, up to all of it, as the bearing nears
-    their common edge. The lidar of one kind of object is the maximum over its objects.
+    Bin 0 starts straight along x of the body, and bins go counter-clockwise. An object at
+    distance d gives the bin that holds its bearing ``max(0, 3 - d) / 3``, and its two neighbours
+    a share of that which grows linearly, up to all of it, as the bearing nears their common edge.
+    A bin reads the largest of what objects give it.
 
     Objects are taken to lie on the floor, where a robot that leans sees them shifted, as in
     Safety-Gym.
@@ -25,10 +26,11 @@ def lidar_returns(position: np.ndarray, axes: np.ndarray, objects: np.ndarray) -
     Args:
         position: (N, 3) centres of the robots, in m.
         axes: (N, 3, 3) axes of the robots' bodies as columns, world frame.
-        objects: (N, M, 2) positions of the M objects that each robot sees, in m.
+        objects: (N, M, 2) positions of the M objects around each robot, in m.
+        lidars: (M,) which lidar sees each object; whole numbers from 0.
 
     Returns:
-        (N, M, 16), within [0, 1].
+        (N, L, 16), within [0, 1].
     """
     x = objects[..., 0] - position[:, :1]
     y = objects[..., 1] - position[:, 1:2]
@@ -37,15 +39,17 @@ def lidar_returns(position: np.ndarray, axes: np.ndarray, objects: np.ndarray) -
         x * axes[:, 0, i, None] + y * axes[:, 1, i, None] + z * axes[:, 2, i, None] for i in (0, 1)
     )
     strength = np.maximum(0.0, MAX_DISTANCE - np.hypot(ahead, aside)) / MAX_DISTANCE
-    bearing = np.arctan2(aside, ahead) * (BINS / (2 * np.pi))
-    away = np.abs(bearing[..., None] - _CENTRES)
-    away = np.minimum(away, np.abs(BINS - away))
-    # All of it within half a bin of the centre, falling to none one bin further out.
-    np.subtract(1.5, away, out=away)
-    np.maximum(away, 0.0, out=away)
-    np.minimum(away, 1.0, out=away)
-    away *= strength[..., None]
-    return away
+    place = np.arctan2(aside, ahead) * (BINS / (2 * np.pi))
+    left_edge = np.floor(place)
+    share = place - left_edge
+    holder = left_edge.astype(np.int64)
+    count = int(lidars.max()) + 1
+    first = BINS * (count * np.arange(len(objects))[:, None] + lidars)
+    readings = np.zeros((len(objects), count, BINS))
+    flat = readings.reshape(-1)
+    for offset, reading in ((0, strength), (1, share * strength), (-1, (1 - share) * strength)):
+        np.maximum.at(flat, (first + (holder + offset) % BINS).reshape(-1), reading.reshape(-1))
+    return readings
 
 
 def beams(lidars: np.ndarray, forward: float) -> tuple[float, np.ndarray]:

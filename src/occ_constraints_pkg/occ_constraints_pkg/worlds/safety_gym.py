@@ -22,7 +22,7 @@ from occ_constraints_pkg.worlds.bodies import (
     Robot,
 )
 from occ_constraints_pkg.worlds.layout import Layout, PlacementRules
-from occ_constraints_pkg.worlds.lidar import BINS, MAX_DISTANCE, beams, lidar_returns
+from occ_constraints_pkg.worlds.lidar import BINS, MAX_DISTANCE, beams, lidar_readings
 from occ_constraints_pkg.worlds.physics import SUBSTEPS, Physics
 from occ_constraints_pkg.worlds.robots import checked_action, robot_generators, selected_rows
 from occ_constraints_pkg.worlds.rotation import matrix_of_yaw, product, quaternion_of_yaw
@@ -113,6 +113,7 @@ class SafetyGymWorld(World):
             threads=threads,
         )
         # What each robot's lidars see, in their order: the goal first, the vase or box last.
+        self._seen_by = np.repeat(np.arange(len(self.lidars)), list(self.lidars.values()))
         self._objects = np.zeros((num_envs, sum(self.lidars.values()), 2))
         self._goal = self._objects[:, 0]
         self._hazards = self._objects[:, 1 : 1 + self.lidars['hazards']]
@@ -280,14 +281,10 @@ class SafetyGymWorld(World):
     def _observe(self, rows: np.ndarray | slice, sensors: np.ndarray) -> None:
         """Write the observation of some robots from their (M, s) sensors and their places."""
         position, axes = self.physics.position[rows], self.physics.axes[rows]
-        returns = lidar_returns(position, axes, self._objects[rows])
+        lidars = lidar_readings(position, axes, self._objects[rows], self._seen_by)
         width = sensors.shape[1]
         self._observation[rows, :width] = sensors
-        first = 0
-        for count in self.lidars.values():
-            kind = returns[:, first : first + count]
-            self._observation[rows, width : width + BINS] = kind.max(axis=1)
-            first, width = first + count, width + BINS
+        self._observation[rows, width:] = lidars.reshape(len(sensors), len(self.lidars) * BINS)
 
     def _cost(self) -> np.ndarray:
         offset = self._hazards - self._position[:, None]

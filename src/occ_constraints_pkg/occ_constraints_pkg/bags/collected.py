@@ -77,7 +77,8 @@ class CollectedRows:
         """Return a sentence for each time of a manifest that makes no difference to the rows."""
         parts = selection.to_document()
         sentences = [
-            f'{where}: no row lies in the interval {json.dumps(interval)} s, which the manifest {key}s'
+            f'{where}: no row lies in the interval {json.dumps(interval)} s, '
+            f'which the manifest {key}s'
             for key in ('include', 'exclude')
             for number, interval in enumerate(parts.get(key, ()))
             if (key, number) not in self._met

@@ -285,8 +285,7 @@ class McapFile:
             f'{self.path} was not finished by its recorder or is damaged: {what}; the {count} '
             'complete messages before that are used'
         )
-        if position is not None:
-            lost = self._size - position
+        if position is not None and (lost := self._size - position):
             self.warning += f', the last {lost} of {self._size} bytes are not'
 
 

@@ -115,7 +115,7 @@ def test_multiplier_follows_the_cost_of_episodes_once_there_are_any():
 
 
 @pytest.mark.parametrize('decay_steps', [0, 500])
-def test_step_sizes_fall_to_a_quarter(decay_steps):
+def test_step_sizes_fall_to_a_tenth(decay_steps):
     learner, stream = make_learner(decay_steps=decay_steps), EpisodeStream(LineWorld(8), seed=1)
     batch, sizes = stream.reset(), []
     for _ in range(6):
@@ -123,7 +123,7 @@ def test_step_sizes_fall_to_a_quarter(decay_steps):
         sizes.append(learner._optimiser.param_groups[0]['lr'])
     if decay_steps:
         assert (np.diff(sizes) <= 0).all()
-        assert sizes[-1] == pytest.approx(2.5e-4)
+        assert sizes[-1] == pytest.approx(1e-4)
     else:
         assert sizes == [1e-3] * 6
 

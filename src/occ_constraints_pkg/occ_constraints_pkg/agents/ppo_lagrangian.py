@@ -43,7 +43,7 @@ from occ_constraints_pkg.worlds.base import Column
 from occ_constraints_pkg.worlds.stream import StepBatch
 
 # Share of the first step size that is left at the end of its decay, and after it.
-_LEAST_STEP_SIZE = 0.25
+_LEAST_STEP_SIZE = 0.1
 
 
 class PPOLagrangian:

@@ -29,7 +29,7 @@ class PPOLagrangianConfig:
         actor_lr: Adam's step size for the policy.
         critic_lr: Adam's step size for both critics.
         decay_steps: the step sizes of all networks fall linearly over this many robot steps, down
-            to a quarter of their first value; 0: they stay.
+            to a tenth of their first value; 0: they stay.
         gamma: discount per step, of reward and cost alike.
         lam: GAE's lambda, of reward and cost alike.
         clip: bound on the change of the probability ratio.

@@ -63,7 +63,9 @@ class SqliteFile:
                 # Pages that are missing show only when the bytes of a message are asked for.
                 problem = self._index(database, set(topics), look=is_cut)
         except (sqlite3.Error, ValueError, OverflowError) as error:
-            raise OccError(f'{path} cannot be read: {str(error).rstrip(".")}') from error
+            raise OccError(
+                f'{path} cannot be read: {" ".join(str(error).split()).rstrip(".")}'
+            ) from error
         except OSError as error:
             raise OccError(f'cannot read {path}: {error.strerror}') from error
         if problem:
@@ -85,7 +87,7 @@ class SqliteFile:
         except (sqlite3.Error, ValueError, OverflowError) as error:
             raise OccError(
                 f'{self.path} is damaged: the rows from {segment.first} on cannot be read '
-                f'({str(error).rstrip(".")})'
+                f'({" ".join(str(error).split()).rstrip(".")})'
             ) from error
 
     def _index(self, database: sqlite3.Connection, known: set[int], *, look: bool) -> str:

@@ -64,7 +64,7 @@ class SqliteFile:
                 problem = self._index(database, set(topics), look=is_cut)
         except (sqlite3.Error, ValueError, OverflowError) as error:
             raise OccError(
-                f'{path} cannot be read: {" ".join(str(error).split()).rstrip(".")}'
+                f'{path} cannot be read: {_reason(error)}'
             ) from error
         except OSError as error:
             raise OccError(f'cannot read {path}: {error.strerror}') from error
@@ -87,7 +87,7 @@ class SqliteFile:
         except (sqlite3.Error, ValueError, OverflowError) as error:
             raise OccError(
                 f'{self.path} is damaged: the rows from {segment.first} on cannot be read '
-                f'({" ".join(str(error).split()).rstrip(".")})'
+                f'({_reason(error)})'
             ) from error
 
     def _index(self, database: sqlite3.Connection, known: set[int], *, look: bool) -> str:
@@ -245,3 +245,8 @@ def _load(database: sqlite3.Connection, segment: Segment) -> Block:
         ends,
     )
     return block.select(np.argsort(block.times, kind='stable'))
+
+
+def _reason(error: Exception) -> str:
+    """Return what SQLite says, which may quote lines of a damaged schema, in one line."""
+    return ' '.join(str(error).split()).rstrip('.')

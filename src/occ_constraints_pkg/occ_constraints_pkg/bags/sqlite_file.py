@@ -63,9 +63,7 @@ class SqliteFile:
                 # Pages that are missing show only when the bytes of a message are asked for.
                 problem = self._index(database, set(topics), look=is_cut)
         except (sqlite3.Error, ValueError, OverflowError) as error:
-            raise OccError(
-                f'{path} cannot be read: {_reason(error)}'
-            ) from error
+            raise OccError(f'{path} cannot be read: {_reason(error)}') from error
         except OSError as error:
             raise OccError(f'cannot read {path}: {error.strerror}') from error
         if problem:

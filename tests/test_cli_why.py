@@ -63,6 +63,7 @@ def test_tables_give_file_and_row(occ):
         best = literal['closest'][0]
         assert f'{best["value"]!r} in {best["source"]}, row {best["row"]}' in text
         assert 'no training sample lies beyond its bounds' in text
+        assert f'demonstrated range: {literal["near"]} (episodes: {literal["episodes"]})' in text
 
 
 def test_what_was_not_learned_has_no_evidence(occ, tmp_path):

@@ -11,23 +11,13 @@ def dataset(episodes):
     return Dataset(('a',), rows[:, None] * 1.0, rows, np.array(episodes), rows * 2.0)
 
 
-@pytest.mark.parametrize(('share', 'held'), [(0.01, 1), (0.25, 2), (0.5, 4), (0.99, 7)])
-def test_split_keeps_episodes_whole(share, held):
-    data = dataset(np.repeat(np.arange(8), 5))
-    rest, held_out = data.split_episodes(np.random.default_rng(3), share)
-    assert len(set(held_out.episodes)) == held
-    assert not set(rest.episodes) & set(held_out.episodes)
-    assert sorted([*rest.stamps_ns, *held_out.stamps_ns]) == list(range(40))
-    np.testing.assert_array_equal(held_out.true_cost, held_out.values[:, 0] * 2)
-    again, _ = data.split_episodes(np.random.default_rng(3), share)
-    np.testing.assert_array_equal(rest.stamps_ns, again.stamps_ns)
-
-
-def test_split_refuses():
-    with pytest.raises(OccError, match='the data hold 1'):
-        dataset([0, 0]).split_episodes(np.random.default_rng(0), 0.5)
-    with pytest.raises(OccError, match='the share of held-out episodes is 1'):
-        dataset([0, 1]).split_episodes(np.random.default_rng(0), 1)
+def test_select_takes_a_mask_or_numbers():
+    data = dataset([0, 0, 1])
+    for rows in (np.array([False, True, True]), np.array([1, 2])):
+        chosen = data.select(rows)
+        assert chosen.values.tolist() == [[1.0], [2.0]]
+        assert chosen.true_cost.tolist() == [2.0, 4.0]
+        assert chosen.times_ns is None
 
 
 def test_shapes_must_fit():

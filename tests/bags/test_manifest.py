@@ -144,7 +144,11 @@ def test_mistakes_that_show_with_the_recordings(drives):
         extract([manifest(drives, late)], MAP)
     some = late.replace('[[20, 30]]', '[[0, 1], [20, 30]]')
     (warning,) = extract([manifest(drives, some)], MAP).warnings
-    assert 'no row lies in the interval from 20.0 to 30.0 s' in warning
+    assert 'no row lies in the interval [20.0, 30.0] s, which the manifest includes' in warning
+    useless = late.replace('include: [[20,', 'episodes: [5, 40], exclude: [[1, 2], [20,')
+    exclude, episode = extract([manifest(drives, useless)], MAP).warnings
+    assert 'no row lies in the interval [20.0, 30.0] s, which the manifest excludes' in exclude
+    assert 'the last row is at 11.5 s, before the episode that the manifest begins at 40' in episode
 
 
 interval = st.tuples(st.integers(0, 20), st.integers(1, 9)).map(lambda p: (p[0], p[0] + p[1]))

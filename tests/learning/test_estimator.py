@@ -224,6 +224,9 @@ def test_sparse_samples_are_refused():
         ({'most_outside': 1.0}, 'most_outside is 1.0; allowed are None and 0 <= most_outside < 1'),
         ({'clip': 'both'}, "clip is 'both'"),
         ({'max_depth': -1}, 'max_depth is -1'),
+        ({'max_depth': 2.5}, 'max_depth is 2.5; allowed is a whole number'),
+        ({'gamma': 'low'}, "gamma is 'low'; allowed is a number"),
+        ({'contamination': None}, "contamination is None; allowed are 'auto'"),
     ],
 )
 def test_parameters_that_are_not_allowed(parameters, sentence):

@@ -41,6 +41,13 @@ def test_options_change_the_preset_and_depth_replaces_nu(tmp_path):
     assert (used['gamma'], used['alpha'], used['beta']) == (0.01, 0.7, 0.02)
 
 
+def test_a_named_nu_stays_beside_a_depth(tmp_path):
+    options = ('--depth', '2', '--nu', '0.2', '--beta', '0.01', '--min-split', '0.05')
+    used = learned(tmp_path, '--faithful', *options)
+    assert (used['max_depth'], used['nu'], used['beta']) == (2, 0.2, 0.01)
+    assert used['min_split'] == 0.05
+
+
 def test_a_named_default_counts_as_given(tmp_path):
     assert learned(tmp_path, '--faithful', '--alpha', '0.0')['alpha'] == 0.0
 

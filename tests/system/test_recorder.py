@@ -25,6 +25,7 @@ def test_publishers_that_offer_different_qualities_are_recorded_and_played(
     latched.publish(String(data='reliable'))
     witness.spin_until(lambda: recorded(bag) >= 3, 20.0)
     nodes.stop(recorder)
+    assert 'nobody has published /never so far' in recorder.log.read_text()
     expected = ['before the recorder', 'modest', 'reliable']
     assert texts(bag) == expected
 

@@ -28,15 +28,6 @@ def load_schema(package: str, name: str) -> dict[str, Any]:
     return json.loads(resources.files(package).joinpath(name).read_text(encoding='utf-8'))
 
 
-def read_document(path: str | Path, schema: Mapping[str, Any]) -> Any:
-    """Read a YAML file and check it against ``schema``.
-
-    Raises:
-        OccError: the file cannot be read, is not YAML, or breaks the schema.
-    """
-    return parse_document(read_text(path), schema, str(path))
-
-
 def read_text(path: str | Path) -> str:
     """Return the text of a UTF-8 file.
 

@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 
 from occ_constraints_pkg.bags.columns import RowBlock
@@ -33,15 +35,18 @@ class CollectedRows:
         self.where = ''
         self._first_ns = 0
         self._episodes: list[np.ndarray] = []
-        self._included: set[int] = set()
+        self._met: set[tuple[str, int]] = set()
+        self._last_ns = 0
 
     def add(self, rows: RowBlock, times_ns: np.ndarray, selection: Selection) -> None:
         """Add those rows that lie in a stretch to use; their times are from the first message."""
         stretches = selection.stretches(times_ns)
-        for number, (low, high) in enumerate(selection.include):
-            if ((low <= times_ns) & (times_ns < high)).any():
-                self._included.add(number)
+        for key in ('include', 'exclude'):
+            for number, (low, high) in enumerate(getattr(selection, key)):
+                if ((low <= times_ns) & (times_ns < high)).any():
+                    self._met.add((key, number))
         count = len(rows.values)
+        self._last_ns = max(self._last_ns, int(times_ns.max())) if count else self._last_ns
         columns = () if rows.table is None else rows.table.names
         has_cost, has_episodes = 'true_cost' in columns, 'episode' in columns
         nothing = np.zeros(count)
@@ -69,12 +74,20 @@ class CollectedRows:
         self._episodes.append(np.stack([robots, numbers, stretches], axis=1)[used])
 
     def unused(self, selection: Selection, where: str) -> list[str]:
-        """Return a sentence for each interval in which there is no row."""
-        return [
-            f'{where}: no row lies in the interval from {low / 1e9} to {high / 1e9} s, which the '
-            'manifest includes'
-            for number, (low, high) in enumerate(selection.include)
-            if number not in self._included
+        """Return a sentence for each time of a manifest that makes no difference to the rows."""
+        parts = selection.to_document()
+        sentences = [
+            f'{where}: no row lies in the interval {json.dumps(interval)} s, '
+            f'which the manifest {key}s'
+            for key in ('include', 'exclude')
+            for number, interval in enumerate(parts.get(key, ()))
+            if (key, number) not in self._met
+        ]
+        return sentences + [
+            f'{where}: the last row is at {self._last_ns / 1e9:g} s, before the episode that the '
+            f'manifest begins at {time / 1e9:g} s'
+            for time in selection.episodes
+            if time > self._last_ns
         ]
 
     def number_episodes(self, first: int, where: str) -> int:

@@ -4,7 +4,10 @@
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -88,29 +91,11 @@ class Dataset:
             'row': int(self.origins['row'][row]),
         }
 
-    def split_episodes(self, rng: np.random.Generator, share: float) -> tuple[Dataset, Dataset]:
-        """Split at random into two parts that share no episode.
 
-        Neighbouring rows of an episode resemble each other, so a part held back row by row would
-        flatter whatever is scored on it.
-
-        Args:
-            rng: draws the episodes.
-            share: of the episodes that go to the second part, rounded, at least one and not all.
-
-        Returns:
-            ``(rest, held_out)``.
-
-        Raises:
-            OccError: there are fewer than two episodes, or the share is not between 0 and 1.
-        """
-        numbers = np.unique(self.episodes)
-        if not 0.0 < share < 1.0:
-            raise OccError(f'the share of held-out episodes is {share}; allowed is 0 to 1')
-        if len(numbers) < 2:
-            raise OccError(
-                f'episodes cannot be split: the data hold {len(numbers)}; allowed are two or more'
-            )
-        count = min(max(round(share * len(numbers)), 1), len(numbers) - 1)
-        held = np.isin(self.episodes, rng.choice(numbers, size=count, replace=False))
-        return self.select(~held), self.select(held)
+def sha256_of(files: Iterable[Path]) -> str:
+    """Return the SHA-256 over the contents of files, one after the other, in hex."""
+    digest = hashlib.sha256()
+    for file in files:
+        with file.open('rb') as stream:
+            hashlib.file_digest(stream, lambda: digest)
+    return digest.hexdigest()

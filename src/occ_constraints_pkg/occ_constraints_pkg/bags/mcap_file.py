@@ -254,7 +254,12 @@ class McapFile:
             if opcode in (0, Opcode.DATA_END, Opcode.FOOTER) or not whole:
                 break
             position = end
-        if opcode not in (Opcode.DATA_END, Opcode.FOOTER):
+        if self._cut is not None:
+            self._warn(
+                f'the file ends {end - self._size} bytes before the end of the chunk at byte '
+                f'{position}'
+            )
+        elif opcode not in (Opcode.DATA_END, Opcode.FOOTER):
             self._warn(f'the file ends, or is no longer readable, at byte {position}', position)
 
     def _add(self, file: BinaryIO, segment: Segment) -> bool:
@@ -273,13 +278,15 @@ class McapFile:
             self.segments.append(Segment(*times, *place, frozenset(found)))
         return True
 
-    def _warn(self, what: str, position: int) -> None:
+    def _warn(self, what: str, position: int | None = None) -> None:
+        """Say what is wrong, and what of the file is used: all before ``position``, if given."""
         count = sum(self._counts.values())
-        lost = self._size - position
         self.warning = (
             f'{self.path} was not finished by its recorder or is damaged: {what}; the {count} '
-            f'complete messages before that are used, the last {lost} of {self._size} bytes are not'
+            'complete messages before that are used'
         )
+        if position is not None and (lost := self._size - position):
+            self.warning += f', the last {lost} of {self._size} bytes are not'
 
 
 def _chunks_hold_all(file: BinaryIO, chunks: list[records.ChunkIndex], end: int) -> bool:

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
@@ -15,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from occ_constraints_pkg.bags.dataset import sha256_of
 from occ_constraints_pkg.bags.mcap_file import McapFile
 from occ_constraints_pkg.bags.metadata import (
     is_compressed_by_message,
@@ -248,12 +248,7 @@ class Recording:
 
     @cached_property
     def _sha256(self) -> str:
-        digest = hashlib.sha256()
-        for file in self.files:
-            with file.open('rb') as stream:
-                while block := stream.read(1 << 20):
-                    digest.update(block)
-        return digest.hexdigest()
+        return sha256_of(self.files)
 
     def _find_files(self) -> dict[str, Any]:
         """Set :attr:`files`; return what metadata.yaml says, empty where there is none."""

@@ -63,7 +63,7 @@ class SqliteFile:
                 # Pages that are missing show only when the bytes of a message are asked for.
                 problem = self._index(database, set(topics), look=is_cut)
         except (sqlite3.Error, ValueError, OverflowError) as error:
-            raise OccError(f'{path} cannot be read: {str(error).rstrip(".")}') from error
+            raise OccError(f'{path} cannot be read: {_reason(error)}') from error
         except OSError as error:
             raise OccError(f'cannot read {path}: {error.strerror}') from error
         if problem:
@@ -85,7 +85,7 @@ class SqliteFile:
         except (sqlite3.Error, ValueError, OverflowError) as error:
             raise OccError(
                 f'{self.path} is damaged: the rows from {segment.first} on cannot be read '
-                f'({str(error).rstrip(".")})'
+                f'({_reason(error)})'
             ) from error
 
     def _index(self, database: sqlite3.Connection, known: set[int], *, look: bool) -> str:
@@ -243,3 +243,8 @@ def _load(database: sqlite3.Connection, segment: Segment) -> Block:
         ends,
     )
     return block.select(np.argsort(block.times, kind='stable'))
+
+
+def _reason(error: Exception) -> str:
+    """Return what SQLite says, which may quote lines of a damaged schema, in one line."""
+    return ' '.join(str(error).split()).rstrip('.')

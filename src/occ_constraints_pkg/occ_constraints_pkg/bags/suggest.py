@@ -240,7 +240,7 @@ def _warnings(
                 'its first message'
             )
         if not topic.is_stamped:
-            what = 'it sets the pace all the same' if topic is pace else 'its age goes by arrival'
+            what = 'it sets the pace all the same' if topic is pace else 'their age goes by arrival'
             yield f'the messages of {name} have no time stamp; {what}'
         if 'map' in topic.frames and hasattr(topic.sample, 'pose'):
             yield (

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import csv
-import hashlib
 import itertools
 import zipfile
 import zlib
@@ -16,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from occ_constraints_pkg.bags.dataset import Dataset
+from occ_constraints_pkg.bags.dataset import Dataset, sha256_of
 from occ_constraints_pkg.documents import did_you_mean
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.rules.space import Feature, FeatureSpace
@@ -121,7 +120,7 @@ def read_tables(
         true_cost=np.concatenate(costs) if any(c.cost is not None for c in contents) else None,
         recordings=np.repeat(np.arange(len(counts)), counts),
         sources=tuple(
-            {'name': Path(path).name, 'sha256': _sha256(Path(path)), 'rows': count}
+            {'name': Path(path).name, 'sha256': sha256_of([Path(path)]), 'rows': count}
             for path, count in zip(paths, counts, strict=True)
         ),
     )
@@ -390,11 +389,6 @@ def _split(names: Sequence[str], table: np.ndarray, path: Path) -> _Content:
     )
     values = table if all(is_feature) else table[:, is_feature]
     return _Content(features, values, apart.get(_EPISODE), apart.get(cost))
-
-
-def _sha256(path: Path) -> str:
-    with path.open('rb') as stream:
-        return hashlib.file_digest(stream, 'sha256').hexdigest()
 
 
 _READERS: dict[str, Callable[[Path, Collection[str] | None], _Content]] = {

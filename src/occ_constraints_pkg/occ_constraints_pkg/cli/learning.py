@@ -80,6 +80,8 @@ def learn(
     before = f'{extracted_rules} rules with {extracted_literals} literals'
     if settings.full_conditions:
         click.echo(f'\n{before}, not simplified')
+    elif (rules, literals) == (extracted_rules, extracted_literals):
+        click.echo(f'\n{before}; there was nothing to simplify')
     else:
         click.echo(f'\nSimplified from {before} to {rules} with {literals}')
     click.echo(

@@ -17,7 +17,8 @@ import click
 def node(name: str, arguments: tuple[str, ...]) -> int:
     """Run a ROS 2 node; what follows its name are ROS arguments.
 
-    The nodes are sim, policy, recorder, player, tree_learner, monitor and constrained_learner.
+    The nodes are sim, policy, recorder, player, tree_learner, monitor, gate and
+    constrained_learner.
 
     \b
     Example: occ node monitor -p constraints_file:=constraints.yaml -r __ns:=/robot1

@@ -46,6 +46,24 @@ _OPTIONS = (
         help='How deep a minimum of the density must be to split there.',
     ),
     click.option(
+        '--beta',
+        default=OCTreeSettings.beta,
+        show_default=True,
+        help='Share of the samples below which an interval is dropped.',
+    ),
+    click.option(
+        '--min-split',
+        default=OCTreeSettings.min_split,
+        show_default=True,
+        help='Share of the samples below which a node is not divided further.',
+    ),
+    click.option(
+        '--nu',
+        type=float,
+        default=OCTreeSettings.nu,
+        help='Stop before a larger share of the samples lies outside; no such stop if absent.',
+    ),
+    click.option(
         '--full-conditions',
         is_flag=True,
         help='Write rules with all bounds above them, as the paper does, not only those they need.',
@@ -54,7 +72,8 @@ _OPTIONS = (
         '--faithful',
         is_flag=True,
         help="The tree article's settings (density, gamma 0.05, alpha 0.5, beta 0.02, nu 0.1, full "
-        'conditions); --gamma and --alpha, if given, change them, and --depth replaces nu.',
+        'conditions); --gamma, --alpha, --beta, --min-split and --nu, if given, change them, and '
+        '--depth replaces nu.',
     ),
 )
 seed_option = click.option(
@@ -77,28 +96,37 @@ def tree_settings(*, faithful: bool, depth: int, **settings: Any) -> OCTreeSetti
     """Return the settings that the options of the present command give.
 
     Raises:
-        OccError: a value is not allowed, or an option does not go with ``--faithful``.
+        OccError: a value is not allowed, or an option does not go with the others.
     """
     given = OCTreeSettings(max_depth=depth, **settings)
-    return _article_settings(given) if faithful else given
-
-
-def _article_settings(given: OCTreeSettings) -> OCTreeSettings:
-    """Return the article's settings, but for those named on the command line."""
     context = click.get_current_context()
     named = {
         name
         for name in context.params
         if context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE
     }
+    if faithful:
+        return _article_settings(given, named)
+    # What has no effect is refused: whoever gave it expects another result.
+    if 'contamination' in named and given.clip != 'mass':
+        raise OccError('--contamination has no effect with --clip density; allowed is --gamma')
+    if 'gamma' in named and given.clip != 'density':
+        raise OccError('--gamma has no effect with --clip mass; allowed is --contamination')
+    return given
+
+
+def _article_settings(given: OCTreeSettings, named: set[str]) -> OCTreeSettings:
+    """Return the article's settings, but for those named on the command line."""
     if 'contamination' in named or ('clip' in named and given.clip != 'density'):
         raise OccError(
             '--faithful clips by density and knows no contamination; allowed beside it are '
-            '--depth, --gamma and --alpha'
+            '--depth, --gamma, --alpha, --beta, --min-split and --nu'
         )
     overrides: dict[str, Any] = {
-        name: getattr(given, name) for name in ('gamma', 'alpha') if name in named
+        name: getattr(given, name)
+        for name in ('gamma', 'alpha', 'beta', 'min_split', 'nu')
+        if name in named
     }
     if 'depth' in named:
-        overrides.update(max_depth=given.max_depth, nu=None)
+        overrides = {'nu': None, **overrides, 'max_depth': given.max_depth}
     return OCTreeSettings.article(**overrides)

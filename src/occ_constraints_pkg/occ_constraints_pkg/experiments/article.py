@@ -120,7 +120,8 @@ def load_benchmark(benchmark: Benchmark, folder: Path) -> tuple[np.ndarray, np.n
     unknown = set(names) - set(benchmark.classes)
     if unknown:
         raise OccError(
-            f'{benchmark.name} has class {min(unknown)!r}; allowed are {list(benchmark.classes)}'
+            f'{benchmark.name} has class {min(unknown)!r}; allowed are '
+            f'{", ".join(map(str, benchmark.classes))}'
         )
     return values, np.array([benchmark.classes[name] for name in names])
 
@@ -157,7 +158,7 @@ def run_article(
     known = [benchmark.name for benchmark in BENCHMARKS]
     for name in names:
         if name not in known:
-            raise OccError(f'there is no data set {name!r}; allowed are {known}')
+            raise OccError(f'there is no data set {name!r}; allowed are {", ".join(known)}')
     if splits < 1:
         raise OccError(f'splits is {splits}; allowed is 1 or more')
     settings = {

@@ -8,6 +8,7 @@ import numpy as np
 
 from occ_constraints_pkg.agents.scripted import Driver
 from occ_constraints_pkg.bags.feature_map import FeatureMap
+from occ_constraints_pkg.worlds.base import World
 from occ_constraints_pkg.worlds.registry import make_world
 from occ_constraints_pkg.worlds.stream import EpisodeStream
 
@@ -34,16 +35,39 @@ def drive_states(
     """
     values, costly = [], []
     for start in range(0, episodes, _AT_ONCE):
-        world = make_world(name, min(_AT_ONCE, episodes - start))
-        names = [column.name for column in world.columns]
-        places = [names.index(source.column) for source in feature_map.features]
-        stream = EpisodeStream(world, seed=seed + start)
-        batch, states, costs = stream.reset(), [], []
-        for _ in range(world.max_episode_steps + 1):
-            states.append(batch.observation[:, places])
-            costs.append(batch.true_cost > 0)
-            batch = stream.step(driver(batch.observation))
+        count = min(_AT_ONCE, episodes - start)
+        world = make_world(name, count)
+        states, robots, costs = first_episodes(world, driver, feature_map, seed + start)
+        by_robot = np.argsort(robots, kind='stable')
+        values.append(states[by_robot].reshape(count, -1, states.shape[1]))
+        costly.append(costs[by_robot].reshape(count, -1))
         world.close()
-        values.append(np.stack(states, axis=1))
-        costly.append(np.stack(costs, axis=1))
     return np.concatenate(values), np.concatenate(costly)
+
+
+def first_episodes(
+    world: World, driver: Driver, feature_map: FeatureMap, seed: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Let a driver drive until the first episode of every robot is over.
+
+    Args:
+        world: the world, with any number of robots.
+        driver: drives all robots.
+        feature_map: the features, all of them columns of the world's observation.
+        seed: of the world.
+
+    Returns:
+        (n, k) float32 features of every state, first and last ones included, in the order of
+        time; (n,) int64, the robot of each; (n,) bool, whether the state is truly costly.
+    """
+    names = [column.name for column in world.columns]
+    places = [names.index(source.column) for source in feature_map.features]
+    stream = EpisodeStream(world, seed=seed)
+    batch, states, robots, costs = stream.reset(), [], [], []
+    while (batch.episode == 0).any():
+        first = np.flatnonzero(batch.episode == 0)
+        states.append(batch.observation[first][:, places])
+        robots.append(first)
+        costs.append(batch.true_cost[first] > 0)
+        batch = stream.step(driver(batch.observation))
+    return np.concatenate(states), np.concatenate(robots), np.concatenate(costs)

@@ -18,11 +18,11 @@ from occ_constraints_pkg.agents.rule_cost import RuleCost
 from occ_constraints_pkg.bags.feature_map import load_feature_map
 from occ_constraints_pkg.experiments.conditions import machine, versions
 from occ_constraints_pkg.experiments.seeds import seeds_summary, train_seeds
+from occ_constraints_pkg.experiments.states import first_episodes
 from occ_constraints_pkg.files import make_directory, replacing
 from occ_constraints_pkg.learning.learn import learn
 from occ_constraints_pkg.rules.constraints_file import Constraints, load_constraints
 from occ_constraints_pkg.worlds.registry import make_world
-from occ_constraints_pkg.worlds.stream import EpisodeStream
 
 _EVALUATION_SEED = 10_000
 
@@ -128,19 +128,11 @@ def demonstrated_constraints(
     feature_map = load_feature_map(world)
     simulated = make_world(world, episodes)
     drive = find_driver(simulated, driver, np.random.default_rng(seed), explore=explore)
-    names = [column.name for column in simulated.columns]
-    places = [names.index(source.column) for source in feature_map.features]
-    stream = EpisodeStream(simulated, seed=seed)
-    batch, rows, robots = stream.reset(), [], []
-    while (batch.episode == 0).any():
-        first = np.flatnonzero(batch.episode == 0)
-        rows.append(batch.observation[first][:, places])
-        robots.append(first)
-        batch = stream.step(drive(batch.observation))
+    values, robots, _ = first_episodes(simulated, drive, feature_map, seed)
     simulated.close()
     return learn(
-        np.concatenate(rows),
-        np.concatenate(robots),
+        values,
+        robots,
         feature_map.space,
         rng=np.random.default_rng(seed),
         feature_map=feature_map.to_document(),

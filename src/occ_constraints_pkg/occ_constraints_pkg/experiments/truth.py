@@ -76,7 +76,9 @@ def run_truth(
     known = worlds_with_truth()
     for name in names:
         if name not in known:
-            raise OccError(f'there is no world {name!r} with a known truth; allowed are {known}')
+            raise OccError(
+                f'there is no world {name!r} with a known truth; allowed are {", ".join(known)}'
+            )
     if draws < 2 or samples < _FEWEST_SAMPLES:
         raise OccError(
             f'samples is {samples} and draws is {draws}; allowed are {_FEWEST_SAMPLES} and 2 or '

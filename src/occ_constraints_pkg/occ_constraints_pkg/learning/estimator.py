@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -58,7 +59,9 @@ class OCTreeClassifier(OutlierMixin, BaseEstimator):
             bounds were learned from all have margin 0, and no bound moves where the aim falls
             among them.
         most_outside: for ``'auto'``: the ``contamination`` of :class:`OCTreeSettings`; ``None``
-            to estimate it, which without families of features finds samples far out only.
+            to estimate it as ``occ learn`` does, which without families of features finds samples
+            far out only. The default is a number because scikit-learn expects that a detector
+            finds outliers in any sample.
         max_depth: this and the others: see :class:`OCTreeSettings`.
         clip: see there.
         gamma: see there.
@@ -183,16 +186,16 @@ class OCTreeClassifier(OutlierMixin, BaseEstimator):
     def _settings(self) -> OCTreeSettings:
         own = self.get_params()
         share, outside = own.pop('contamination'), own.pop('most_outside')
-        if outside is not None and not 0.0 <= outside < 1.0:
+        if outside is not None and not (isinstance(outside, Real) and 0.0 <= outside < 1.0):
             raise ValueError(
-                f'most_outside is {outside}; allowed are None and 0 <= most_outside < 1'
+                f'most_outside is {outside!r}; allowed are None and 0 <= most_outside < 1'
             )
         if isinstance(share, str):
             if share != 'auto':
                 raise ValueError(f"contamination is {share!r}; allowed are 'auto' and a number")
             share = outside
-        elif not 0.0 < share <= 0.5:
-            raise ValueError(f"contamination is {share}; allowed are 'auto' and over 0 to 0.5")
+        elif not (isinstance(share, Real) and 0.0 < share <= 0.5):
+            raise ValueError(f"contamination is {share!r}; allowed are 'auto' and over 0 to 0.5")
         try:
             return OCTreeSettings(contamination=share, **own)
         except OccError as error:

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from numbers import Integral, Real
 from typing import Any
 
 from occ_constraints_pkg.errors import OccError
@@ -82,6 +83,7 @@ class OCTreeSettings:
     def __post_init__(self) -> None:
         if self.clip not in ('mass', 'density'):
             raise OccError(f"clip is {self.clip!r}; allowed are 'mass' and 'density'")
+        self._check_types()
         if self.max_depth is not None and not 0 <= self.max_depth <= DEEPEST:
             raise OccError(f'max_depth is {self.max_depth}; allowed is 0 to {DEEPEST}')
         for name in ('contamination', 'gamma', 'beta', 'min_split'):
@@ -94,3 +96,13 @@ class OCTreeSettings:
             raise OccError(f'alpha is {self.alpha}; allowed is 0 <= alpha <= 1')
         if self.nu is not None and not 0.0 <= self.nu <= 1.0:
             raise OccError(f'nu is {self.nu}; allowed is 0 <= nu <= 1')
+
+    def _check_types(self) -> None:
+        """Refuse what is no number: from Python anything can come."""
+        for name in ('max_depth', 'contamination', 'gamma', 'alpha', 'beta', 'min_split', 'nu'):
+            value, kind = getattr(self, name), Integral if name == 'max_depth' else Real
+            if value is None and name in ('max_depth', 'contamination', 'nu'):
+                continue
+            if not isinstance(value, kind):
+                what = 'a whole number' if kind is Integral else 'a number'
+                raise OccError(f'{name} is {value!r}; allowed is {what}')

@@ -21,6 +21,8 @@ from occ_constraints_pkg.ros.qos import no_events
 
 _LOOK_SECONDS = 0.1
 _FLUSH_SECONDS = 0.5
+# A topic that was asked for and that nobody publishes by then may be misspelled.
+_PATIENCE_SECONDS = 5.0
 
 
 @dataclass
@@ -62,15 +64,24 @@ class Recorder(OccNode):
         )
         self.steady_timer(_LOOK_SECONDS, self._look)
         self.steady_timer(_FLUSH_SECONDS, self._writer.flush)
+        self._impatient = self.steady_timer(_PATIENCE_SECONDS, self._tell_missing)
         self.get_logger().info(f'recording {self._filter} to {output}')
 
     def close(self) -> None:
         """End the bag."""
         self._writer.close()
+        self._tell_missing()
         count, files = self._writer.message_count, len(self._writer.paths)
         self.get_logger().info(
             f'{count} messages recorded' + (f' in {files} files' if files > 1 else '')
         )
+
+    def _tell_missing(self) -> None:
+        """Name the topics that were asked for and that nobody has published."""
+        self._impatient.cancel()
+        missing = sorted(set(self._filter.names) - self._recorded.keys())
+        if missing:
+            self.get_logger().warning(f'nobody has published {", ".join(missing)} so far')
 
     def _look(self) -> None:
         """Subscribe to new topics, and more modestly where a new publisher offers less."""

@@ -34,7 +34,7 @@ def why_document(constraints: Constraints, rule_id: str) -> dict[str, Any]:
     space = constraints.rule_set.space
     ids = [rule.id for rule in constraints.rule_set.rules]
     if rule_id not in ids:
-        hint = did_you_mean(rule_id, ids) or f'; there are {len(ids)} others, see occ show'
+        hint = did_you_mean(rule_id, ids) or '; occ show FILE prints the ids of all'
         raise OccError(f'the constraints have no rule {rule_id!r}{hint}')
     rule = constraints.rule_set.rules[ids.index(rule_id)]
     document: dict[str, Any] = {
@@ -74,7 +74,7 @@ def describe_why(document: Mapping[str, Any]) -> str:
     if document['missing']:
         return '\n'.join([*lines, f'no evidence: {document["missing"]}'])
     lines.append(
-        f'{document["flagged"]} training samples lie beyond its bounds and were taken for outliers'
+        f'training samples beyond its bounds, taken for outliers: {document["flagged"]}'
         if document['flagged']
         else 'no training sample lies beyond its bounds'
     )
@@ -131,15 +131,13 @@ def _calendar(time_ns: int) -> str:
 def _describe_support(literal: Mapping[str, Any], near: float) -> str:
     if not literal['closest']:
         return 'no safe sample would be flagged without it'
+    within = f'within {near:.0%} of the demonstrated range'
     count = (
-        f'{literal["near"]} safe samples of {literal["episodes"]} episodes lie'
+        f'safe samples {within}: {literal["near"]} (episodes: {literal["episodes"]})'
         if literal['near']
-        else 'no safe sample lies'
+        else f'no safe sample {within}'
     )
-    return (
-        f'{count} within {near:.0%} of the demonstrated range; closest of each of '
-        f'{len(literal["closest"])} episodes:'
-    )
+    return f'{count}; closest, one per episode:'
 
 
 def _describe_sample(sample: Mapping[str, Any]) -> str:

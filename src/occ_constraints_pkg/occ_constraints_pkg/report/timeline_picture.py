@@ -15,6 +15,7 @@ from matplotlib import pyplot as plt
 from matplotlib.patches import Patch
 
 from occ_constraints_pkg.bags.timeline import Timeline
+from occ_constraints_pkg.files import replacing
 from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.rules.verdict import Verdict
 
@@ -74,8 +75,11 @@ def draw_timeline(path: Path, timeline: Timeline, rule_set: RuleSet) -> None:
         ncols=3, fontsize=8, frameon=False,
     )  # fmt: skip
     figure.tight_layout()
-    figure.savefig(path, dpi=_DOTS_PER_INCH)
-    plt.close(figure)
+    try:
+        with replacing(path) as draft:
+            figure.savefig(draft, dpi=_DOTS_PER_INCH, format='png')
+    finally:
+        plt.close(figure)
 
 
 class _Axis:

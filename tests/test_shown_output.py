@@ -1,0 +1,72 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Output that the documents show is what their commands print."""
+
+import os
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / 'docs'
+# A block of commands, and the block of output after it.
+STEPS = re.compile(r'```sh\n(.*?)```\n\n```\n(.*?)```', re.DOTALL)
+SHELL_ONLY = ('occ node', 'occ play')
+
+
+def test_data(occ, tmp_path):
+    (tmp_path / 'bags').symlink_to(ROOT / 'bags')
+    text = (DOCS / 'data.md').read_text(encoding='utf-8')
+    (program,) = re.findall(r'```python\n(.*?)```', text, re.DOTALL)
+    exec(compile(program, 'data.md', 'exec'), {})
+    steps = STEPS.findall(text)
+    assert len(steps) == 2
+    for commands, shown in steps:
+        _assert_shows(shown, ''.join(occ(line)[1] for line in _lines(commands, tmp_path)))
+
+
+def test_checking(occ, tmp_path):
+    pytest.importorskip('matplotlib', reason="needs the extra 'report'")
+    (tmp_path / 'bags').symlink_to(ROOT / 'bags')
+    text = (DOCS / 'checking.md').read_text(encoding='utf-8')
+    check, learn = re.findall(r'```sh\n(.*?)```', text, re.DOTALL)
+    (shown,) = re.findall(r'prints:\n\n```\n(.*?)```', text, re.DOTALL)
+    printed = [occ(line)[1] for line in _lines(learn + check, tmp_path)]
+    _assert_shows(shown, printed[-1])
+
+
+def test_the_tutorial_on_recordings_of_a_robot(occ, tmp_path):
+    robots = Path(os.environ.get('OCC_TEST_DATA', ROOT.parent / 'shared' / 'data')) / 'robots'
+    if not robots.is_dir():
+        pytest.skip(f'no test data at {robots}; set OCC_TEST_DATA')
+    pytest.importorskip('matplotlib', reason="needs the extra 'report'")
+    (tmp_path / 'bags').symlink_to(robots.resolve())
+    text = (DOCS / 'your_robot.md').read_text(encoding='utf-8')
+    steps = [item for item in STEPS.findall(text) if not item[0].startswith(SHELL_ONLY)]
+    assert len(steps) == 5
+    for commands, shown in steps:
+        printed = ''.join(occ(line)[1] for line in _lines(commands, tmp_path))
+        _assert_shows(shown, printed)
+    (shown_map,) = re.findall(r'```yaml\n(.*?)```', text, re.DOTALL)
+    _assert_shows(shown_map, (tmp_path / 'my_robot.yaml').read_text())
+
+
+def _lines(commands, folder):
+    """Return the arguments of each command, with patterns of file names filled in."""
+    for command in commands.replace('\\\n', ' ').strip().splitlines():
+        words = []
+        for word in shlex.split(command)[1:]:
+            found = sorted(str(path.relative_to(folder)) for path in folder.glob(word))
+            words += found if '*' in word else [word]
+        yield ' '.join(words)
+
+
+def _assert_shows(shown, printed):
+    """Check that all lines are there, in order; others may stand where three dots are."""
+    lines, place = printed.splitlines(), 0
+    for line in shown.splitlines():
+        if line != '...':
+            assert line in lines[place:], f'shown is {line!r}, but printed is:\n{printed}'
+            place = lines.index(line, place) + 1

@@ -23,7 +23,8 @@ from occ_constraints_pkg.worlds.registry import world_class
 
 _WORLD = 'PointGoal1'
 _DRAWN_STEPS = 800
-_DRAWN_SEED = 5
+# Surroundings in which the drivers do about as well as they do on average.
+_DRAWN_SEED = 3
 
 
 def write_demo_page(

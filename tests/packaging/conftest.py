@@ -5,6 +5,7 @@
 from pathlib import Path
 
 import pytest
+from occ_constraints_pkg.nodes import NODES
 
 
 @pytest.fixture(scope='session')
@@ -22,13 +23,4 @@ def package(root: Path) -> Path:
 @pytest.fixture(scope='session')
 def nodes() -> list[str]:
     """The executables of the package, in the order of a run."""
-    return [
-        'sim',
-        'policy',
-        'recorder',
-        'player',
-        'tree_learner',
-        'monitor',
-        'gate',
-        'constrained_learner',
-    ]
+    return list(NODES)

@@ -23,7 +23,7 @@ from occ_constraints_pkg.worlds.registry import world_class
 
 _WORLD = 'PointGoal1'
 _DRAWN_STEPS = 800
-# Surroundings in which the drivers do about as well as they do on average.
+# Surroundings in which the expert reaches its goals; in some it gets stuck.
 _DRAWN_SEED = 3
 
 

@@ -85,6 +85,19 @@ def test_an_avoider_turns_aside_from_a_hazard_ahead_and_goes_straight_without():
 
 
 @pytest.mark.parametrize(
+    ('world', 'width', 'first'), [('PointPush1', 76, 12), ('CarPush1', 88, 24)]
+)
+def test_a_box_right_on_the_goal_is_pushed_in_some_direction(world, width, first):
+    observation = _seeing(width, first, np.array([0.4]))
+    observation[:, first + 48 : first + 64] = observation[:, first : first + 16]
+    senses = Senses(world, observation)
+    assert senses.only('goal') == senses.only('push_box')
+    action = _driver(world, 'expert')(observation)
+    assert np.isfinite(action).all()
+    assert (np.abs(action) > 0.1).any()
+
+
+@pytest.mark.parametrize(
     ('world', 'name', 'least_return', 'most_cost'),
     [
         ('PointGoal1', 'avoider', 2.0, 8.0),

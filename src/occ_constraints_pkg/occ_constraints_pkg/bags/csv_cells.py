@@ -34,8 +34,7 @@ def parse_cells(rows: Any, header: Sequence[str], places: Sequence[int], path: P
     next(rows)
     table = []
     for row in rows:
-        if len(row) < 2 and not ''.join(row).strip():
-            # A blank line.
+        if is_blank(row):
             continue
         if len(row) != len(header):
             raise OccError(
@@ -44,6 +43,11 @@ def parse_cells(rows: Any, header: Sequence[str], places: Sequence[int], path: P
             )
         table.append([_cell(row[place], header[place], rows.line_num, path) for place in places])
     return np.array(table, dtype=np.float64).reshape(len(table), len(places))
+
+
+def is_blank(row: Sequence[str]) -> bool:
+    """Tell whether the cells of a row are those of a blank line."""
+    return len(row) < 2 and not ''.join(row).strip()
 
 
 def _cell(text: str, column: str, line: int, path: Path) -> float:

@@ -5,9 +5,12 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+
+from occ_constraints_pkg.errors import OccError
 
 FRAME_RATE = 25
 MARKINGS = {1: (8.5, 12.5, 16.5), 2: (22.0, 26.0, 30.0, 34.0)}
@@ -21,7 +24,7 @@ class Car:
     Attributes:
         id: its number.
         direction: 1 upper carriageway, 2 lower one.
-        start: metres of its centre along its way at frame 1, counted from the middle of the picture.
+        start: metres of its centre along its way at frame 1, from the middle of the picture.
         right: metres of its centre from the right edge of its carriageway.
         speed: m/s.
         length: metres.
@@ -59,16 +62,16 @@ CARS = (
     Car(6, 2, -25.0, 2.0, 25.0),
     Car(7, 2, 50.0, 6.5, 24.0, length=16.0, width=2.5),
 )
-COLUMNS = (
-    'frame id x y width height xVelocity yVelocity xAcceleration yAcceleration frontSightDistance '
-    'backSightDistance dhw thw ttc precedingXVelocity precedingId followingId leftPrecedingId '
-    'leftAlongsideId leftFollowingId rightPrecedingId rightAlongsideId rightFollowingId laneId'
-).split()
+HEADER = (
+    'frame,id,x,y,width,height,xVelocity,yVelocity,xAcceleration,yAcceleration,frontSightDistance,'
+    'backSightDistance,dhw,thw,ttc,precedingXVelocity,precedingId,followingId,leftPrecedingId,'
+    'leftAlongsideId,leftFollowingId,rightPrecedingId,rightAlongsideId,rightFollowingId,laneId'
+)
 
 
 def highd_texts(cars: Sequence[Car] = CARS, frame_rate: int = FRAME_RATE) -> dict[str, str]:
     """Return the three files of a recording in the format of highD, by the end of their name."""
-    rows = [','.join(COLUMNS)]
+    rows = [HEADER]
     metas = [
         'id,width,height,initialFrame,finalFrame,numFrames,class,drivingDirection,'
         'traveledDistance,minXVelocity,maxXVelocity,meanXVelocity,minDHW,minTHW,minTTC,'
@@ -156,7 +159,7 @@ def write_ngsim(path: Path, *commands: str) -> Path:
         cars = ((1, 0.0, 10.0, 1), (2, 30.0, 10.0, 1), (3, 5.0, 6.0, 2), (4, -20.0, 2.0, 3))
         for number, x, y, lane in cars:
             database.execute(f'INSERT INTO Vehicle VALUES ({number}, 2, 4.0, 2.0, 1.5, 0)')
-            for step in range(5):
+            for step in range(60):
                 row = (number, step / 10, x + step, y, EAST, 10.0, lane)
                 database.execute('INSERT INTO Trajectory VALUES (?, ?, ?, ?, ?, ?, ?)', row)
         for command in commands:
@@ -207,3 +210,11 @@ def commonroad_text(version: str = '2020a') -> str:
         text += [f'<state>{state}</state>' for state in states[1:]]
         text.append(f'</trajectory></{tag}>')
     return '\n'.join([*text, '</commonRoad>', ''])
+
+
+def told(function: Callable[..., Any], *arguments: Any) -> tuple[str, Any]:
+    """Call a function; return the sentence of its error and nothing, or no sentence and a value."""
+    try:
+        return '', function(*arguments)
+    except OccError as error:
+        return str(error), None

@@ -43,7 +43,8 @@ def test_document_comes_back(tmp_path):
 def test_built_in_maps():
     tasks = ('CarGoal1', 'CarPush1', 'PointGoal1', 'PointPush1')
     roads = ('highway', 'highway_following', 'highway_road')
-    assert BUILT_IN_MAPS == (*tasks, *roads, 'simple_nav')
+    names = [*tasks, *roads, 'simple_nav']
+    assert list(BUILT_IN_MAPS) == names
     assert load_feature_map('simple_nav').names == ('x', 'y')
     highway = load_feature_map('highway')
     gaps = [f'p_rel{i}' for i in range(6)]

@@ -13,15 +13,15 @@ drives at the moment.
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from occ_constraints_pkg.bags.importers.drives import Drives
-from occ_constraints_pkg.bags.importers.plausible import check_speed
+from occ_constraints_pkg.bags.importers.plausible import LARGEST, check_motion
 from occ_constraints_pkg.bags.importers.traffic import FARTHEST
 from occ_constraints_pkg.errors import OccError
 
@@ -66,7 +66,7 @@ def read_comma2k19(path: Path, progress: Callable[[int, int], None] | None = Non
     if not inside.any():
         raise OccError(f'{path}: camera and speed were not recorded at the same time')
     speed = np.interp(times, speed_times, speeds)
-    check_speed(
+    check_motion(
         f'{path / _SPEED}/value',
         np.zeros(inside.sum(), dtype=np.int64),
         times[inside],
@@ -102,11 +102,10 @@ def _array(
     """Return an array of finite numbers; None in its shape is any number of rows."""
     file = path / name
     try:
-        # Mapped, a header that promises more than the file holds costs no memory.
-        array = np.load(file, mmap_mode='r', allow_pickle=False)
+        array = np.load(file, allow_pickle=False)
     except OSError as error:
         raise OccError(f'cannot read {file}: {error.strerror or "it is no array"}') from error
-    except (ValueError, TypeError, OverflowError, EOFError, zipfile.BadZipFile) as error:
+    except (ValueError, TypeError, ArithmeticError, MemoryError, EOFError, BadZipFile) as error:
         raise OccError(
             f'{file} is damaged or no array of numbers; allowed is what numpy.save writes'
         ) from error
@@ -119,11 +118,15 @@ def _array(
         wanted = ', '.join('rows' if size is None else str(size) for size in shape)
         raise OccError(f'{file} has the shape {array.shape}; allowed is ({wanted})')
     array = array.astype(np.float64)
-    finite = np.isfinite(array).reshape(len(array), -1)
+    table = array.reshape(len(array), array.shape[1] if array.ndim > 1 else 1)
+    finite = np.abs(table) <= LARGEST
     finite[:, list(nan)] = True
     if not finite.all():
         row, column = np.argwhere(~finite)[0]
-        raise OccError(f'{file}, row {row}, column {column}: got no finite number')
+        raise OccError(
+            f'{file}, row {row}, column {column}: got {table[row, column]:g}; '
+            f'allowed is a number of at most {LARGEST:g}'
+        )
     return array
 
 

@@ -10,14 +10,18 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 
 from occ_constraints_pkg.bags.importers.lanelets import Lanelet, RoadMap
 from occ_constraints_pkg.bags.importers.neighbours import gaps_by_lane, standing_inside
-from occ_constraints_pkg.bags.importers.plausible import ALLOWED_LENGTH, check_speed, is_length
+from occ_constraints_pkg.bags.importers.plausible import (
+    ALLOWED_LENGTH,
+    implausible_motion,
+    is_length,
+)
 from occ_constraints_pkg.bags.importers.traffic import Traffic
 from occ_constraints_pkg.bags.importers.xml_file import XmlFile
 from occ_constraints_pkg.errors import OccError
@@ -65,21 +69,25 @@ def read_commonroad(path: Path, progress: Callable[[int, int], None] | None = No
         raise OccError(f'{path} has no moving vehicles; allowed are one or more')
     rows = np.concatenate(blocks)
     size = np.repeat(shapes, [len(block) for block in blocks], axis=0)
-    return _traffic(path, rows, size, step, road, root, left_out)
+    return _traffic(file, dict(vehicles), rows, size, step, road, left_out)
 
 
 def _traffic(
-    path: Path,
+    file: XmlFile,
+    elements: Mapping[int, ET.Element],
     rows: np.ndarray,
     size: np.ndarray,
     step: float,
     road: RoadMap,
-    root: ET.Element,
     left_out: Counter[str],
 ) -> Traffic:
+    path = file.path
     vehicle, instant, points = rows[:, 0].astype(np.int64), rows[:, 1], rows[:, 2:4]
     speed, orientation = rows[:, 4], rows[:, 5]
-    check_speed(f'{path}: <velocity>', vehicle, instant * step, points, speed)
+    found = implausible_motion(vehicle, instant * step, points, speed)
+    if found is not None:
+        row, sentence = found
+        file.fail(elements[vehicle[row]], f'{sentence}, from time step {instant[row]:g} on')
     placed = road.place(points)
     on_road = placed.lane >= 0
     warnings = [f'{path}: {count} {kind} left out' for kind, count in left_out.items()]
@@ -92,7 +100,9 @@ def _traffic(
         )
     turn = (orientation - placed.angle)[on_road]
     moment, along, size = instant[on_road], placed.along[on_road], size[on_road]
-    said = {key: root.attrib.get(key, '') for key in ('benchmarkID', 'author', 'source', 'date')}
+    said = {
+        key: file.root.attrib.get(key, '') for key in ('benchmarkID', 'author', 'source', 'date')
+    }
     return Traffic(
         vehicle=vehicle[on_road],
         time=moment * step,

@@ -12,6 +12,7 @@ from typing import NoReturn, TextIO
 import numpy as np
 
 from occ_constraints_pkg.bags.csv_cells import is_blank, parse_cells, parse_quickly
+from occ_constraints_pkg.bags.importers.plausible import LARGEST
 from occ_constraints_pkg.documents import did_you_mean
 from occ_constraints_pkg.errors import OccError
 
@@ -26,7 +27,7 @@ class CsvFile:
 
     Args:
         path: the file; UTF-8 with a header, separated by commas.
-        numbers: columns of finite numbers.
+        numbers: columns of numbers.
         integers: columns of whole numbers.
         texts: columns of text.
         progress: called with (bytes read, bytes in all).
@@ -105,21 +106,22 @@ class CsvFile:
     def _require(self, name: str, header: Sequence[str]) -> None:
         if header.count(name) != 1:
             hint = did_you_mean(name, header) or ';'
-            what = 'two columns' if name in header else 'no column'
+            what = 'not one column' if name in header else 'no column'
+            # What is no header at all may be long, and a quoted name may hold a line break.
+            columns = ' '.join(', '.join(header).split())[:300]
             raise OccError(
-                f'{self.path}, line 1: there is {what} {name!r}{hint} '
-                f'the columns are {", ".join(header)[:300]}'
+                f'{self.path}, line 1: there is {what} {name!r}{hint} the columns are {columns}'
             )
 
     def _checked(self, name: str, column: np.ndarray, *, whole: bool) -> np.ndarray:
-        strange = ~np.isfinite(column)
+        strange = ~(np.abs(column) <= LARGEST)
         if strange.any():
             row = int(np.argmax(strange))
             got = 'nothing' if np.isnan(column[row]) else f'{column[row]:g}'
-            self.fail(row, name, f'got {got}; allowed is a finite number')
+            self.fail(row, name, f'got {got}; allowed is a number of at most {LARGEST:g}')
         if not whole:
             return column
-        strange = (column != np.floor(column)) | (np.abs(column) > 2**53)
+        strange = column != np.floor(column)
         if strange.any():
             row = int(np.argmax(strange))
             self.fail(row, name, f'got {column[row]:.10g}; allowed is a whole number')

@@ -21,7 +21,7 @@ from occ_constraints_pkg.bags.importers.neighbours import standing_inside
 from occ_constraints_pkg.bags.importers.plausible import (
     ALLOWED_LENGTH,
     check_lane_width,
-    disagreeing_speed,
+    implausible_motion,
     is_length,
 )
 from occ_constraints_pkg.bags.importers.traffic import Traffic
@@ -173,19 +173,14 @@ def _check_tracks(tracks: CsvFile, direction: np.ndarray, recording: _Recording)
             'direction 1 and above 0 for direction 2',
         )
     velocity = np.stack([tracks['xVelocity'], tracks['yVelocity']], axis=1)[order]
-    found = disagreeing_speed(
+    found = implausible_motion(
         vehicle,
         frame / recording.frame_rate,
         np.stack([tracks['x'], tracks['y']], axis=1)[order],
         np.linalg.norm(velocity, axis=1),
     )
     if found is not None:
-        tracks.fail(
-            int(order[found[0]]),
-            'xVelocity',
-            f'speeds are {found[1]:.3g} times what x, y and the frameRate of '
-            f'{recording.path.name} say; allowed are metres, m/s and pictures per second',
-        )
+        tracks.fail(int(order[found[0]]), 'xVelocity', f'vehicle {vehicle[found[0]]} {found[1]}')
 
 
 def _edges(recording: _Recording, direction: np.ndarray, tracks: CsvFile) -> np.ndarray:

@@ -25,8 +25,9 @@ from occ_constraints_pkg.bags.importers.neighbours import (
 )
 from occ_constraints_pkg.bags.importers.plausible import (
     ALLOWED_LENGTH,
+    LARGEST,
     check_lane_width,
-    check_speed,
+    check_motion,
     is_length,
 )
 from occ_constraints_pkg.bags.importers.traffic import Traffic
@@ -115,10 +116,11 @@ def _numbers(
     while rows := cursor.fetchmany(_READ_AT_ONCE):
         for row in rows:
             for name, value in zip(columns, row, strict=True):
-                if not isinstance(value, int | float) or not math.isfinite(value):
+                if not isinstance(value, int | float) or not abs(value) <= LARGEST:
                     raise OccError(
                         f'{path}: table {table}, row of {_row_name(columns, row)}, column '
-                        f'{name!r}: got {_shown(value)}; allowed is a finite number'
+                        f'{name!r}: got {_shown(value)}; allowed is a number of at most '
+                        f'{LARGEST:g}'
                     )
         parts.append(np.array(rows, dtype=np.float64))
         done += len(rows)
@@ -154,7 +156,7 @@ def _traffic(path: Path, spec: dict[Any, Any], sizes: np.ndarray, rows: np.ndarr
             f'{path}: table Trajectory, row of vehicle_id {vehicle[row]}, sim_time {time[row]:g}, '
             f"column 'lane_id': got {lane[row]:g}; allowed are whole numbers from 1 on the left"
         )
-    check_speed(f'{path}: table Trajectory, column speed', vehicle, time, rows[:, 2:4], speed)
+    check_motion(f'{path}: table Trajectory, column speed', vehicle, time, rows[:, 2:4], speed)
     forward = np.array([-math.sin(heading), math.cos(heading)])
     along = rows[:, 2:4] @ forward
     left = rows[:, 2:4] @ np.array([-forward[1], forward[0]])
@@ -202,7 +204,8 @@ def _sizes_of(path: Path, sizes: np.ndarray, vehicle: np.ndarray, time: np.ndarr
         )
     known = sizes[:, 0].astype(np.int64)
     place = np.searchsorted(known, vehicle)
-    strange = (place == len(known)) | (known[np.minimum(place, len(known) - 1)] != vehicle)
+    # A number that is in no table stands at the end, for what lies beyond.
+    strange = np.append(known, vehicle.min() - 1)[place] != vehicle
     if strange.any():
         row = int(np.argmax(strange))
         raise OccError(
@@ -231,15 +234,15 @@ def _edges(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the left and the right edge of the road at each place.
 
-    A lane is taken to be there from the first to the last place at which somebody drives on it.
+    The leftmost lane is there all along; on the right, where ramps come and go, a lane is taken to
+    be there from the first to the last place at which somebody drives on it.
     """
-    outer_left, outer_right = np.full(len(along), -np.inf), np.full(len(along), np.inf)
+    outer_right = np.full(len(along), np.inf)
     for middle in middles:
         there = (along >= middle.begin) & (along <= middle.end)
-        left = middle.left(along)
-        outer_left = np.where(there, np.maximum(outer_left, left + width / 2.0), outer_left)
-        outer_right = np.where(there, np.minimum(outer_right, left - width / 2.0), outer_right)
-    return outer_left, outer_right
+        right = middle.left(along) - width / 2.0
+        outer_right = np.where(there, np.minimum(outer_right, right), outer_right)
+    return middles[0].left(along) + width / 2.0, outer_right
 
 
 def _check_order(path: Path, lanes: np.ndarray, lefts: list[float], width: float) -> None:

@@ -12,14 +12,18 @@ from occ_constraints_pkg.errors import OccError
 _LEAST_RATIO, _MOST_RATIO = 0.7, 1.4
 # Below this speed, noise of the positions outweighs the movement.
 _MOVING_M_S = 2.0
+_FASTEST_M_S = 150.0
+LARGEST = 1e9
+"""No number of a recording is larger, in whichever unit; squares of these can be added up."""
+
 _LANE_M = (2.0, 8.0)
 _LENGTH_M = (0.5, 40.0)
 
 
-def disagreeing_speed(
+def implausible_motion(
     vehicle: np.ndarray, time: np.ndarray, place: np.ndarray, speed: np.ndarray
-) -> tuple[int, float] | None:
-    """Compare stated speeds with how fast the positions change.
+) -> tuple[int, str] | None:
+    """Look for jumps, and compare stated speeds with how fast the positions change.
 
     Args:
         vehicle: (n,) who; the rows of one together and in order of time.
@@ -28,12 +32,17 @@ def disagreeing_speed(
         speed: (n,) m/s, stated.
 
     Returns:
-        None where they agree; else the first row where they do not, and the median of stated by
-        real speed.
+        None where nothing is wrong; else the first row where something is, and what it is.
     """
     steps = np.diff(time)
     rows = np.flatnonzero((np.diff(vehicle) == 0) & (steps > 0))
     moved = np.linalg.norm(place[rows + 1] - place[rows], axis=1) / steps[rows]
+    jumps = moved > _FASTEST_M_S
+    if jumps.any() and jumps.mean() < 0.5:
+        row = int(np.argmax(jumps))
+        return int(rows[row]), (
+            f'jumps, at {moved[row]:.4g} m/s to the next position; allowed are {_FASTEST_M_S:g}'
+        )
     rows, moved = rows[moved > _MOVING_M_S], moved[moved > _MOVING_M_S]
     if not len(rows):
         return None
@@ -42,13 +51,16 @@ def disagreeing_speed(
     if _LEAST_RATIO <= median <= _MOST_RATIO:
         return None
     wrong = (ratio < _LEAST_RATIO) | (ratio > _MOST_RATIO)
-    return int(rows[np.argmax(wrong)]), median
+    return int(rows[np.argmax(wrong)]), (
+        f'has speeds that are {median:.3g} times what positions and times say; '
+        'allowed are metres, seconds and m/s'
+    )
 
 
-def check_speed(
+def check_motion(
     where: str, vehicle: np.ndarray, time: np.ndarray, place: np.ndarray, speed: np.ndarray
 ) -> None:
-    """Refuse speeds that are in another unit than positions and times.
+    """Refuse jumps, and speeds that are in another unit than positions and times.
 
     Args:
         where: what errors call the speeds: file and column.
@@ -58,15 +70,12 @@ def check_speed(
         speed: (n,) m/s, stated.
 
     Raises:
-        OccError: they are.
+        OccError: there are such.
     """
-    found = disagreeing_speed(vehicle, time, place, speed)
+    found = implausible_motion(vehicle, time, place, speed)
     if found is not None:
-        row, median = found
-        raise OccError(
-            f'{where}: speeds are {median:.3g} times what the positions say, first of vehicle '
-            f'{vehicle[row]} at {time[row]:.6g} s; allowed are metres, seconds and m/s'
-        )
+        row, sentence = found
+        raise OccError(f'{where}: vehicle {vehicle[row]}, at {time[row]:.8g} s, {sentence}')
 
 
 def check_lane_width(where: str, width: float) -> None:

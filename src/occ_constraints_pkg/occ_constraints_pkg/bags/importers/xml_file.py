@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 from xml.parsers import expat
 
+from occ_constraints_pkg.bags.importers.plausible import LARGEST
 from occ_constraints_pkg.errors import OccError
 
 
@@ -83,7 +84,7 @@ class XmlFile:
         """Return the number that the element at a path holds.
 
         Raises:
-            OccError: there is none, or it is not finite.
+            OccError: there is none, or it is not finite or absurdly large.
         """
         part = self.child(element, path)
         return self._number(part, part.text or '', 'holds')
@@ -110,7 +111,7 @@ class XmlFile:
         """Return the number that an attribute holds.
 
         Raises:
-            OccError: the element lacks it, or it is not a finite number.
+            OccError: the element lacks it, or it is no finite number, or absurdly large.
         """
         return self._number(element, self.attribute(element, name), f'has {name}')
 
@@ -118,10 +119,10 @@ class XmlFile:
         """Return the whole number that an attribute holds.
 
         Raises:
-            OccError: the element lacks it, or it is no whole number that a float holds exactly.
+            OccError: the element lacks it, or it is no whole number.
         """
         number = self.number_attribute(element, name)
-        if number != int(number) or abs(number) > 2**53:
+        if number != int(number):
             self.fail(element, f'has {name} {number:g}; allowed is a whole number')
         return int(number)
 
@@ -130,7 +131,7 @@ class XmlFile:
             number = float(text)
         except ValueError:
             number = math.nan
-        if not math.isfinite(number):
-            shown = text.strip()[:40]
-            self.fail(element, f'{says} {shown!r}; allowed is a finite number')
+        if not abs(number) <= LARGEST:
+            shown = ' '.join(text.split())[:40]
+            self.fail(element, f'{says} {shown!r}; allowed is a number of at most {LARGEST:g}')
         return number

@@ -21,7 +21,9 @@ CAR = st.tuples(
 @given(st.lists(CAR, min_size=1, max_size=12))
 def test_gaps_are_those_of_the_nearest_on_each_lane(cars):
     moment, along, length, lane = (np.array(column) for column in zip(*cars, strict=True))
-    gaps = gaps_by_lane(moment, along, length, lane, lanes_in_a_row(4))
+    # All drive in the middle of their lanes.
+    size = np.stack([length, np.full(len(cars), 2.0)], axis=1)
+    gaps = gaps_by_lane(moment, along, -4.0 * lane, size, lane, lanes_in_a_row(4))
     for i in range(len(cars)):
         expected = [np.inf] * 6
         for j in range(len(cars)):
@@ -31,6 +33,19 @@ def test_gaps_are_those_of_the_nearest_on_each_lane(cars):
                 gap = abs(along[j] - along[i]) - (length[i] + length[j]) / 2
                 expected[place] = min(expected[place], gap)
         np.testing.assert_allclose(gaps[i], expected)
+
+
+def test_two_abreast_on_one_lane_are_on_the_left_and_on_the_right():
+    moment, lane = np.zeros(3), np.zeros(3, dtype=int)
+    along, left = np.array([0.0, 2.0, 12.0]), np.array([1.2, -1.2, 0.0])
+    size = np.tile([4.0, 2.0], (3, 1))
+    gaps = gaps_by_lane(moment, along, left, size, lane, lanes_in_a_row(1))
+    none = np.inf
+    assert gaps.tolist() == [
+        [none, none, none, none, 8.0, -2.0],
+        [-2.0, none, none, none, 6.0, none],
+        [none, 6.0, none, none, none, none],
+    ]
 
 
 def test_lanes_are_numbered_from_the_left():

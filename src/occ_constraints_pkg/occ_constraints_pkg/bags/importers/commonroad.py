@@ -99,7 +99,8 @@ def _traffic(
             'beyond the lanelets'
         )
     turn = (orientation - placed.angle)[on_road]
-    moment, along, size = instant[on_road], placed.along[on_road], size[on_road]
+    moment, lane, size = instant[on_road], placed.lane[on_road], size[on_road]
+    along, left = placed.along[on_road], placed.left[on_road]
     said = {
         key: file.root.attrib.get(key, '') for key in ('benchmarkID', 'author', 'source', 'date')
     }
@@ -108,8 +109,8 @@ def _traffic(
         time=moment * step,
         v_x=speed[on_road] * np.cos(turn),
         v_y=speed[on_road] * np.sin(turn),
-        gaps=gaps_by_lane(moment, along, size[:, 0], placed.lane[on_road], road.beside),
-        inside=standing_inside(moment, along, placed.left[on_road], size),
+        gaps=gaps_by_lane(moment, along, left, size, lane, road.beside),
+        inside=standing_inside(moment, along, left, size),
         d_left=placed.d_left[on_road],
         d_right=placed.d_right[on_road],
         source={f'commonroad.{key}': value for key, value in said.items() if value},

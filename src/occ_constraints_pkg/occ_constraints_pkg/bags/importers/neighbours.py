@@ -20,18 +20,22 @@ _INSIDE_ALONG_M, _INSIDE_ACROSS_M = 1.0, 0.5
 def gaps_by_lane(
     instant: np.ndarray,
     along: np.ndarray,
-    length: np.ndarray,
+    left: np.ndarray,
+    size: np.ndarray,
     lane: np.ndarray,
     beside: np.ndarray,
 ) -> np.ndarray:
     """Return the gap of each vehicle to the next one behind and ahead, on three lanes.
 
-    Who is ahead is told by the centres; of two at one place each is ahead of the other.
+    Who is ahead is told by the centres; of two at one place each is ahead of the other. Two whose
+    centres are on one lane but who drive side by side, as while one of them changes lanes, are
+    neighbours on the left and on the right.
 
     Args:
         instant: (n,) the same number for rows of one moment.
         along: (n,) metres, the vehicle's centre along the road, growing in direction of travel.
-        length: (n,) metres, of the vehicle.
+        left: (n,) metres, its centre to the left of some line along the road.
+        size: (n, 2) metres, its length and width.
         lane: (n,) int, number of its lane.
         beside: (lanes, lanes) int, where the second lane lies, seen from the first: one of
             :data:`LEFT`, :data:`SAME`, :data:`RIGHT` and :data:`ELSEWHERE`.
@@ -42,9 +46,11 @@ def gaps_by_lane(
     """
     gaps = np.full((len(along), 6), np.inf)
     for rows in _moments(instant):
-        ahead = along[rows][None, :] - along[rows][:, None]
-        gap = np.abs(ahead) - (length[rows][None, :] + length[rows][:, None]) / 2.0
-        side = beside[lane[rows][:, None], lane[rows][None, :]].copy()
+        ahead, gap = _apart(along[rows], size[rows, 0])
+        to_the_left, room = _apart(left[rows], size[rows, 1])
+        side = beside[lane[rows][:, None], lane[rows][None, :]]
+        abreast = (side == SAME) & (gap < 0.0) & (room > 0.0)
+        side = np.where(abreast, np.where(to_the_left > 0.0, LEFT, RIGHT), side)
         np.fill_diagonal(side, ELSEWHERE)
         for place in (LEFT, SAME, RIGHT):
             there = side == place
@@ -70,14 +76,18 @@ def standing_inside(
     """
     inside = np.zeros(len(along), dtype=bool)
     for rows in _moments(instant):
-        common = [
-            (extent[None, :] + extent[:, None]) / 2.0 - np.abs(centre[None, :] - centre[:, None])
-            for centre, extent in ((along[rows], size[rows, 0]), (left[rows], size[rows, 1]))
-        ]
-        both = (common[0] > _INSIDE_ALONG_M) & (common[1] > _INSIDE_ACROSS_M)
+        _, gap = _apart(along[rows], size[rows, 0])
+        _, room = _apart(left[rows], size[rows, 1])
+        both = (gap < -_INSIDE_ALONG_M) & (room < -_INSIDE_ACROSS_M)
         np.fill_diagonal(both, False)
         inside[rows] = both.any(axis=1)
     return inside
+
+
+def _apart(centre: np.ndarray, extent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return (n, n) how far the second lies from the first, and the room between the two."""
+    offset = centre[None, :] - centre[:, None]
+    return offset, np.abs(offset) - (extent[None, :] + extent[:, None]) / 2.0
 
 
 def _moments(instant: np.ndarray) -> Iterator[np.ndarray]:

@@ -172,7 +172,7 @@ def _traffic(path: Path, spec: dict[Any, Any], sizes: np.ndarray, rows: np.ndarr
         time=time,
         v_x=speed * np.cos(turn),
         v_y=speed * np.sin(turn),
-        gaps=gaps_by_lane(instant, along, size[:, 0], number, beside),
+        gaps=gaps_by_lane(instant, along, left, size, number, beside),
         inside=standing_inside(instant, along, left, size),
         d_left=outer_left - left,
         d_right=left - outer_right,

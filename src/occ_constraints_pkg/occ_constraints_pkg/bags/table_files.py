@@ -5,16 +5,15 @@
 from __future__ import annotations
 
 import csv
-import itertools
 import zipfile
 import zlib
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from occ_constraints_pkg.bags.csv_cells import parse_cells, parse_quickly
 from occ_constraints_pkg.bags.dataset import Dataset, sha256_of
 from occ_constraints_pkg.documents import did_you_mean
 from occ_constraints_pkg.errors import OccError
@@ -279,10 +278,10 @@ def _read_csv(path: Path, wanted: Collection[str] | None) -> _Content:
             rows = csv.reader(stream)
             header = [name.strip() for name in next(rows, [])]
             chosen, places = _choose(header, wanted, path)
-            table = _parse_quickly(stream, len(header))
+            table = parse_quickly(stream, len(header))
             if table is None:
                 stream.seek(0)
-                table = _parse_cells(csv.reader(stream), header, places, path)
+                table = parse_cells(csv.reader(stream), header, places, path)
             else:
                 table = table[:, places] if len(places) < len(header) else table
     except (UnicodeDecodeError, csv.Error) as error:
@@ -306,47 +305,6 @@ def _choose(
     if not set(names) - set(apart):
         raise OccError(f'{path} has no column of a feature; its columns are {", ".join(header)}')
     return names, [place for place, name in enumerate(header) if name in names]
-
-
-def _parse_quickly(lines: Iterable[str], width: int) -> np.ndarray | None:
-    """Read lines of which every cell is a number; None where that is not so."""
-    lines = (line for line in lines if line.strip())
-    first = next(lines, None)
-    if first is None:
-        return np.empty((0, width))
-    try:
-        table = np.loadtxt(
-            itertools.chain([first], lines), delimiter=',', comments=None, quotechar='"', ndmin=2
-        )
-    except ValueError:
-        return None
-    return table if table.shape[1] == width else None
-
-
-def _parse_cells(rows: Any, header: Sequence[str], places: Sequence[int], path: Path) -> np.ndarray:
-    """Read a file cell by cell, to take empty ones as missing and to name a faulty one."""
-    next(rows)
-    table = []
-    for row in rows:
-        if len(row) < 2 and not ''.join(row).strip():
-            # A blank line.
-            continue
-        if len(row) != len(header):
-            raise OccError(
-                f'{path}, line {rows.line_num}: got {len(row)} cells; '
-                f'allowed are {len(header)}, as in the header'
-            )
-        table.append([_cell(row[place], header[place], rows.line_num, path) for place in places])
-    return np.array(table, dtype=np.float64).reshape(len(table), len(places))
-
-
-def _cell(text: str, column: str, line: int, path: Path) -> float:
-    try:
-        return float(text) if text.strip() else np.nan
-    except ValueError:
-        raise OccError(
-            f'{path}, line {line}, column {column!r}: got {text!r}; allowed is a number'
-        ) from None
 
 
 def _read_parquet(path: Path, wanted: Collection[str] | None) -> _Content:

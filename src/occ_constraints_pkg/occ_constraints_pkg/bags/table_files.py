@@ -129,7 +129,7 @@ def read_tables(
 def _read(path: Path, wanted: Collection[str] | None) -> _Content:
     reader = _READERS.get(path.suffix)
     if reader is None:
-        raise OccError(f'{path} is not a table; allowed are files that end in {_ENDINGS}')
+        raise OccError(f'{path} is not a table; allowed are files that end in {TABLE_ENDINGS}')
     try:
         return reader(path, wanted)
     except OSError as error:
@@ -277,6 +277,7 @@ def _read_csv(path: Path, wanted: Collection[str] | None) -> _Content:
         with path.open(encoding='utf-8-sig', newline='') as stream:
             rows = csv.reader(stream)
             header = [name.strip() for name in next(rows, [])]
+            _check_header(header, path)
             chosen, places = _choose(header, wanted, path)
             table = parse_quickly(stream, len(header))
             if table is None:
@@ -288,6 +289,20 @@ def _read_csv(path: Path, wanted: Collection[str] | None) -> _Content:
         reason = 'it is not UTF-8 text' if isinstance(error, UnicodeDecodeError) else error
         raise OccError(f'cannot read {path}: {reason}') from error
     return _split(chosen, table, path)
+
+
+def _check_header(header: Sequence[str], path: Path) -> None:
+    """Refuse a file without a header: its first row would be lost, and names be numbers."""
+    if not header:
+        raise OccError(f'{path} is empty; allowed are a line with the names of columns, then rows')
+    try:
+        numbers = [float(name) for name in header]
+    except ValueError:
+        return
+    raise OccError(
+        f'{path}, line 1: got the numbers {", ".join(f"{number:g}" for number in numbers)}; '
+        'allowed are the names of the columns'
+    )
 
 
 def _choose(
@@ -354,4 +369,5 @@ _READERS: dict[str, Callable[[Path, Collection[str] | None], _Content]] = {
     '.csv': _read_csv,
     '.parquet': _read_parquet,
 }
-_ENDINGS = ', '.join(_READERS)
+TABLE_ENDINGS = ', '.join(_READERS)
+"""How the names of table files end, in words."""

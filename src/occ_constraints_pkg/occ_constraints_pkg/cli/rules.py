@@ -35,6 +35,7 @@ def show(constraints: str, why: str | None, as_json: bool) -> None:
              occ show --why R4def0 constraints.yaml
     """
     from occ_constraints_pkg.rules.constraints_file import load_constraints
+    from occ_constraints_pkg.rules.listing import rules_document
 
     loaded = load_constraints(constraints)
     rule_set = loaded.rule_set
@@ -46,19 +47,10 @@ def show(constraints: str, why: str | None, as_json: bool) -> None:
             click.echo(describe_why(document))
         return
     if as_json:
-        rules = [
-            {
-                'id': rule.id,
-                'text': rule.words(rule_set.space),
-                'formula': rule.formula(rule_set.space),
-                'enabled': rule.enabled,
-                'note': rule.note,
-                'evaluated': rule.evaluated,
-                'violated': rule.violated,
-            }
-            for rule in rule_set.rules
-        ]
-        print_json({'rule_set': rule_set.fingerprint, 'edited': loaded.is_edited, 'rules': rules})
+        document = rules_document(rule_set)
+        for entry, rule in zip(document['rules'], rule_set.rules, strict=True):
+            entry.update(evaluated=rule.evaluated, violated=rule.violated)
+        print_json({**document, 'edited': loaded.is_edited})
         return
     click.echo(describe_rules(loaded, counters=True))
 

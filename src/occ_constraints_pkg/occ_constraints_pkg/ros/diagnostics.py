@@ -51,11 +51,12 @@ def violation_message(
     return message
 
 
-def unknown_message(reason: str, stamp_ns: int) -> DiagnosticArray:
+def unknown_message(reason: str, rule_set: RuleSet | None, stamp_ns: int) -> DiagnosticArray:
     """Say that nothing can be judged, and why; ``stamp_ns`` is that of the last input."""
+    values = _summary(0, Verdict.UNKNOWN, math.nan, rule_set)
     message = DiagnosticArray()
     message.header.stamp = to_time(stamp_ns)
-    message.status = [status(_VERDICT_NAME, DiagnosticStatus.STALE, f'UNKNOWN: {reason}')]
+    message.status = [status(_VERDICT_NAME, DiagnosticStatus.STALE, f'UNKNOWN: {reason}', values)]
     return message
 
 
@@ -117,12 +118,7 @@ def _robot_statuses(
     rule_set: RuleSet, sample: np.ndarray, judgement: Judgement, robot: int
 ) -> list[DiagnosticStatus]:
     verdict = Verdict(judgement.verdict[robot])
-    summary = {
-        'robot': robot,
-        'verdict': verdict.name,
-        'margin': float(judgement.margin[robot]),
-        'rule_set': rule_set.fingerprint,
-    }
+    summary = _summary(robot, verdict, float(judgement.margin[robot]), rule_set)
     if verdict is Verdict.UNKNOWN:
         text = f'UNKNOWN: {_why_unknown(rule_set, sample)}'
         return [status(_VERDICT_NAME, _LEVELS[verdict], text, summary, robot)]
@@ -144,6 +140,13 @@ def _robot_statuses(
         name = f'monitor: rule {rule.id}'
         statuses.append(status(name, DiagnosticStatus.ERROR, details['text'], details, robot))
     return statuses
+
+
+def _summary(
+    robot: int, verdict: Verdict, margin: float, rule_set: RuleSet | None
+) -> dict[str, object]:
+    summary = {'robot': robot, 'verdict': verdict.name, 'margin': margin}
+    return summary if rule_set is None else {**summary, 'rule_set': rule_set.fingerprint}
 
 
 def _why_unknown(rule_set: RuleSet, sample: np.ndarray) -> str:

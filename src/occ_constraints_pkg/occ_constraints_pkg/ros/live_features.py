@@ -1,0 +1,99 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Rows of features from live topics, and a watchdog that says when there are none."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from occ_constraints_pkg.bags.extract import FeatureExtractor, FeatureRows
+from occ_constraints_pkg.bags.feature_map import FeatureMap
+from occ_constraints_pkg.bags.fields import header_stamp_ns
+from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.ros.arrival import ArrivalClock
+from occ_constraints_pkg.ros.mapped_topics import MappedTopics
+from occ_constraints_pkg.ros.process import OccNode
+
+
+class LiveFeatures:
+    """Subscribes to the topics of a feature map and computes its rows.
+
+    Args:
+        node: subscribes.
+        feature_map: what to compute.
+        timeout: seconds without new input after which :attr:`silence` has something to say, and
+            that ``/clock`` may stand still.
+        on_rows: called with each input's rows.
+        on_fault: called with the reason and the stamp in ns of an input that gives none.
+
+    Raises:
+        OccError: a topic's name is not valid.
+    """
+
+    def __init__(
+        self,
+        node: OccNode,
+        feature_map: FeatureMap,
+        timeout: float,
+        on_rows: Callable[[FeatureRows], None],
+        on_fault: Callable[[str, int], None],
+    ) -> None:
+        self._node, self._timeout = node, timeout
+        self._on_rows, self._on_fault = on_rows, on_fault
+        self._arrival = ArrivalClock(node, timeout)
+        self._heard = node.steady_seconds()
+        self._extractor = FeatureExtractor(feature_map)
+        self._topics = MappedTopics(node, feature_map, self._on_message)
+
+    @property
+    def feature_map(self) -> FeatureMap:
+        """What is computed."""
+        return self._extractor.feature_map
+
+    def use(self, feature_map: FeatureMap) -> None:
+        """Compute this from now on; with an equal map nothing changes, so no input is missed.
+
+        Raises:
+            OccError: a topic's name is not valid; the map before stays.
+        """
+        if feature_map == self.feature_map:
+            return
+        topics = MappedTopics(self._node, feature_map, self._on_message)
+        self._topics.close()
+        self._topics, self._extractor = topics, FeatureExtractor(feature_map)
+        self.renew()
+
+    def close(self) -> None:
+        """Drop all subscriptions."""
+        self._topics.close()
+
+    def renew(self) -> None:
+        """Take note that something new has come; whoever gets rows knows which are."""
+        self._heard = self._node.steady_seconds()
+
+    @property
+    def silence(self) -> str:
+        """Why nothing new has come for the timeout, on the steady clock; empty if it has."""
+        if self._node.steady_seconds() - self._heard <= self._timeout:
+            return ''
+        return self._topics.problem() or f'no new input for {self._timeout:g} s'
+
+    @property
+    def clock_problem(self) -> str:
+        """Why the time of the last message's arrival cannot be relied on; empty if it can."""
+        return self._arrival.problem()
+
+    def _on_message(self, topic: str, message: Any) -> None:
+        now = self._arrival.now_ns()
+        try:
+            rows = self._extractor.push(topic, message, now)
+            if rows is not None and not len(rows.values):
+                raise OccError(f'topic {topic!r} brought a table without rows')
+        except OccError as error:
+            self.renew()
+            self._node.get_logger().error(f'input refused: {error}', throttle_duration_sec=1.0)
+            self._on_fault(str(error), header_stamp_ns(message) or now)
+            return
+        if rows is not None:
+            self._on_rows(rows)

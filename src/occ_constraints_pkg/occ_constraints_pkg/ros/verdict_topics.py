@@ -1,0 +1,71 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""The topics on which verdicts go out; of those for people, only what somebody listens to."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.publisher import Publisher
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Float64
+from visualization_msgs.msg import MarkerArray
+
+from occ_constraints_pkg.bags.extract import FeatureRows
+from occ_constraints_pkg.ros.diagnostics import unknown_message, violation_message
+from occ_constraints_pkg.ros.markers import verdict_marker
+from occ_constraints_pkg.ros.messages import table_message
+from occ_constraints_pkg.ros.process import OccNode
+from occ_constraints_pkg.ros.qos import VERDICTS, overridable
+from occ_constraints_pkg.ros.tables import costs_table
+from occ_constraints_pkg.rules import Judgement, RuleSet
+
+
+class VerdictTopics:
+    """Publishes judgements on ``costs``, ``cost``, ``margin``, ``violation`` and ``markers``.
+
+    Args:
+        node: publishes.
+    """
+
+    def __init__(self, node: OccNode) -> None:
+        def publisher(kind: Any, topic: str) -> Publisher:
+            return node.create_publisher(
+                kind, topic, VERDICTS, qos_overriding_options=overridable()
+            )
+
+        self._costs = publisher(PointCloud2, 'costs')
+        self._cost = publisher(Float64, 'cost')
+        self._margin = publisher(Float64, 'margin')
+        self._violation = publisher(DiagnosticArray, 'violation')
+        self._markers = publisher(MarkerArray, 'markers')
+
+    @property
+    def subscribers(self) -> int:
+        """The smaller one of the numbers of subscribers of ``costs`` and ``violation``."""
+        topics = (self._costs, self._violation)
+        return min(publisher.get_subscription_count() for publisher in topics)
+
+    def publish_costs(self, rule_set: RuleSet, judgement: Judgement, stamp_ns: int) -> None:
+        """Answer an input with one row per robot, in the name of the rule set that judged."""
+        table = costs_table(judgement)
+        self._costs.publish(table_message(table, stamp_ns, rule_set.fingerprint))
+
+    def publish_verdict(self, rule_set: RuleSet, rows: FeatureRows, judgement: Judgement) -> None:
+        """Publish all but ``costs``."""
+        stamp = rows.stamp_ns
+        self._cost.publish(Float64(data=float(judgement.cost[0])))
+        if self._margin.get_subscription_count():
+            self._margin.publish(Float64(data=float(judgement.margin[0])))
+        if self._violation.get_subscription_count():
+            self._violation.publish(violation_message(rule_set, rows.values, judgement, stamp))
+        if self._markers.get_subscription_count():
+            self._markers.publish(verdict_marker(rule_set, judgement, stamp))
+
+    def publish_unknown(self, reason: str, rule_set: RuleSet | None, stamp_ns: int) -> None:
+        """Say that nothing can be judged, and why; ``stamp_ns`` is that of the last input."""
+        self._cost.publish(Float64(data=1.0))
+        self._margin.publish(Float64(data=math.nan))
+        self._violation.publish(unknown_message(reason, rule_set, stamp_ns))

@@ -27,6 +27,7 @@ from occ_constraints_pkg.rules.constraints_file import (
     load_constraints,
     parse_constraints,
 )
+from occ_constraints_pkg.rules.forecast import HORIZON_SECONDS, WINDOW_SECONDS
 
 _REPORT_SECONDS = 1.0
 _WATCH_SECONDS = 0.1
@@ -70,11 +71,25 @@ class Monitor(ManagedNode):
         )
         self.setting('pruned_file', '', 'where ~/prune writes the constraints file; none: nowhere')
         self.setting('counts_file', '', 'where counters outlive a restart')
+        self.setting(
+            'warning_horizon',
+            HORIZON_SECONDS,
+            'seconds within which an estimated violation is warned of; 0: never',
+            low=0.0,
+        )
+        self.setting(
+            'warning_window',
+            WINDOW_SECONDS,
+            'seconds over which rates of change are looked for',
+            low=0.001,
+        )
         self.setting('enabled', True, 'judge from the start; see ~/enable')
 
     def configure(self) -> None:
         """Load the rules and subscribe to their topics."""
         self._judging.is_enabled = self.value('enabled')
+        self._topics.warning.horizon = self.value('warning_horizon')
+        self._topics.warning.window = self.value('warning_window')
         self._rules.counts_file = self.value('counts_file')
         path = self.value('constraints_file')
         if path:

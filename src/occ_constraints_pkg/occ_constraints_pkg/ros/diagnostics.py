@@ -10,6 +10,7 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from occ_constraints_pkg.ros.messages import to_time
+from occ_constraints_pkg.rules.forecast import Forecast
 from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.rules.verdict import Judgement, Verdict
 
@@ -25,7 +26,11 @@ _LEVELS = {
 
 
 def violation_message(
-    rule_set: RuleSet, values: np.ndarray, judgement: Judgement, stamp_ns: int
+    rule_set: RuleSet,
+    values: np.ndarray,
+    judgement: Judgement,
+    stamp_ns: int,
+    foreseen: dict[str, object] | None = None,
 ) -> DiagnosticArray:
     """Describe a single robot, or the first few of a batch that are not safe.
 
@@ -37,6 +42,7 @@ def violation_message(
         values: (n, k) the features judged.
         judgement: of the n rows.
         stamp_ns: stamp of the input.
+        foreseen: what :func:`foreseen_values` says of robot 0; None for nothing.
     """
     robots = np.flatnonzero(judgement.verdict != Verdict.SAFE)[:_MOST_ROBOTS]
     if not len(robots):
@@ -46,9 +52,31 @@ def violation_message(
     message.status = [
         status
         for robot in robots
-        for status in _robot_statuses(rule_set, values[robot], judgement, int(robot))
+        for status in _robot_statuses(
+            rule_set, values[robot], judgement, int(robot), foreseen if robot == 0 else None
+        )
     ]
     return message
+
+
+def foreseen_values(rule_set: RuleSet, forecast: Forecast, horizon: float) -> dict[str, object]:
+    """Return what a forecast says, for people.
+
+    Args:
+        rule_set: the rules it speaks of.
+        forecast: of one robot.
+        horizon: seconds within which ``warning`` puts it in words, if the robot is safe still.
+    """
+    values: dict[str, object] = {'time_to_violation': forecast.seconds}
+    if forecast.rule >= 0:
+        rule, feature = rule_set.rules[forecast.rule], rule_set.space.names[forecast.feature]
+        values |= {'next_rule': rule.id, 'deciding_feature': feature}
+        if 0.0 < forecast.seconds <= horizon:
+            values['warning'] = (
+                f'estimate: {rule.words(rule_set.space)} in {forecast.seconds:.2g} s, decided by '
+                f'{feature}'
+            )
+    return values
 
 
 def unknown_message(reason: str, rule_set: RuleSet | None, stamp_ns: int) -> DiagnosticArray:
@@ -115,16 +143,22 @@ def status(
 
 
 def _robot_statuses(
-    rule_set: RuleSet, sample: np.ndarray, judgement: Judgement, robot: int
+    rule_set: RuleSet,
+    sample: np.ndarray,
+    judgement: Judgement,
+    robot: int,
+    foreseen: dict[str, object] | None,
 ) -> list[DiagnosticStatus]:
     verdict = Verdict(judgement.verdict[robot])
     summary = _summary(robot, verdict, float(judgement.margin[robot]), rule_set)
+    summary |= foreseen or {}
     if verdict is Verdict.UNKNOWN:
         text = f'UNKNOWN: {_why_unknown(rule_set, sample)}'
         return [status(_VERDICT_NAME, _LEVELS[verdict], text, summary, robot)]
     margins = rule_set.rule_margins(sample)
     violated = rule_set.violated_rules(sample)
     words = '; '.join(rule_set.rules[index].words(rule_set.space) for index in violated)
+    words = words or summary.get('warning', '')
     text = f'{verdict.name}: {words}' if words else verdict.name
     statuses = [status(_VERDICT_NAME, _LEVELS[verdict], text, summary, robot)]
     for index in violated:

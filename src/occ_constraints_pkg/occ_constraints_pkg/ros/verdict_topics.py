@@ -14,7 +14,12 @@ from std_msgs.msg import Float64
 from visualization_msgs.msg import MarkerArray
 
 from occ_constraints_pkg.bags.extract import FeatureRows
-from occ_constraints_pkg.ros.diagnostics import unknown_message, violation_message
+from occ_constraints_pkg.ros.diagnostics import (
+    foreseen_values,
+    unknown_message,
+    violation_message,
+)
+from occ_constraints_pkg.ros.early_warning import EarlyWarning
 from occ_constraints_pkg.ros.markers import verdict_marker
 from occ_constraints_pkg.ros.messages import table_message
 from occ_constraints_pkg.ros.process import OccNode
@@ -24,7 +29,13 @@ from occ_constraints_pkg.rules import Judgement, RuleSet
 
 
 class VerdictTopics:
-    """Publishes judgements on ``costs``, ``cost``, ``margin``, ``violation`` and ``markers``.
+    """Publishes judgements on several topics.
+
+    ``costs`` and ``cost`` go out always, ``margin``, ``time_to_violation``, ``violation`` and
+    ``markers`` while somebody subscribes.
+
+    Attributes:
+        warning: estimates the time to a violation.
 
     Args:
         node: publishes.
@@ -36,9 +47,11 @@ class VerdictTopics:
                 kind, topic, VERDICTS, qos_overriding_options=overridable()
             )
 
+        self.warning = EarlyWarning()
         self._costs = publisher(PointCloud2, 'costs')
         self._cost = publisher(Float64, 'cost')
         self._margin = publisher(Float64, 'margin')
+        self._time = publisher(Float64, 'time_to_violation')
         self._violation = publisher(DiagnosticArray, 'violation')
         self._markers = publisher(MarkerArray, 'markers')
 
@@ -59,8 +72,17 @@ class VerdictTopics:
         self._cost.publish(Float64(data=float(judgement.cost[0])))
         if self._margin.get_subscription_count():
             self._margin.publish(Float64(data=float(judgement.margin[0])))
-        if self._violation.get_subscription_count():
-            self._violation.publish(violation_message(rule_set, rows.values, judgement, stamp))
+        is_time_wanted = self._time.get_subscription_count()
+        is_told = self._violation.get_subscription_count()
+        if is_time_wanted or is_told:
+            forecast = self.warning.look(rule_set, rows, judgement)
+            if is_time_wanted:
+                self._time.publish(Float64(data=forecast.seconds))
+            if is_told:
+                foreseen = foreseen_values(rule_set, forecast, self.warning.horizon)
+                self._violation.publish(
+                    violation_message(rule_set, rows.values, judgement, stamp, foreseen)
+                )
         if self._markers.get_subscription_count():
             self._markers.publish(verdict_marker(rule_set, judgement, stamp))
 
@@ -68,4 +90,5 @@ class VerdictTopics:
         """Say that nothing can be judged, and why; ``stamp_ns`` is that of the last input."""
         self._cost.publish(Float64(data=1.0))
         self._margin.publish(Float64(data=math.nan))
+        self._time.publish(Float64(data=math.nan))
         self._violation.publish(unknown_message(reason, rule_set, stamp_ns))

@@ -235,7 +235,16 @@ def test_a_topic_of_another_type_is_unknown_and_named(nodes, witness, rules_of):
 def test_bad_constraints_are_refused_and_new_ones_used_at_once(robot, rules_of):
     good = rules_of['simple_nav']
     typo = good.dumps().replace('operator', 'operatr')
-    for text in ('', '{', 'schema_version: 1', typo, Constraints(good.rule_set).dumps()):
+    newer = good.dumps().replace('schema_version: 1', 'schema_version: 2')
+    for text in (
+        '',
+        '{',
+        'schema_version: 1',
+        typo,
+        newer,
+        good.dumps()[:200] + '\0',
+        Constraints(good.rule_set).dumps(),
+    ):
         refused = robot.monitor.log.read_text().count('rule set refused')
         robot.use(text)
         assert robot.monitor.log.read_text().count('rule set refused') == refused + 1

@@ -4,9 +4,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.parameter import Parameter
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
@@ -27,10 +30,18 @@ from occ_constraints_pkg.rules.constraints_file import (
     load_constraints,
     parse_constraints,
 )
+from occ_constraints_pkg.rules.edits import RuleEdits
 from occ_constraints_pkg.rules.forecast import HORIZON_SECONDS, WINDOW_SECONDS
 
 _REPORT_SECONDS = 1.0
 _WATCH_SECONDS = 0.1
+_DEBOUNCE = {
+    'trigger_count': 'violated verdicts of the last trigger_window that people are told',
+    'trigger_window': 'verdicts among which they are counted',
+    'release_count': 'safe verdicts in a row until people are told SAFE again',
+}
+# Parameters that change the rules, in the order that RuleEdits takes them.
+_EDITS = ('disabled_rules', 'enabled_rules', 'moved_bounds')
 
 
 class Monitor(ManagedNode):
@@ -58,6 +69,8 @@ class Monitor(ManagedNode):
         self.create_service(Trigger, '~/prune', self._on_prune)
         self.create_service(Trigger, '~/reset_stats', self._on_reset_stats)
         self.create_service(SetBool, '~/enable', self._on_enable)
+        self.add_on_set_parameters_callback(self._check_edits)
+        self.add_post_set_parameters_callback(self._on_edits)
         self.steady_timer(_WATCH_SECONDS, self._judging.watch)
         self.steady_timer(_REPORT_SECONDS, self._report)
 
@@ -83,17 +96,24 @@ class Monitor(ManagedNode):
             'seconds over which rates of change are looked for',
             low=0.001,
         )
+        for name, words in _DEBOUNCE.items():
+            self.setting(name, 1, words, low=1)
+        self.live_setting('disabled_rules', [], 'ids of rules to disable')
+        self.live_setting('enabled_rules', [], 'ids of rules to enable though the file does not')
+        self.live_setting('moved_bounds', [], "other bounds, each like 'RULE: FEATURE > 0.9'")
         self.setting('enabled', True, 'judge from the start; see ~/enable')
 
     def configure(self) -> None:
         """Load the rules and subscribe to their topics."""
+        self._judging.debounce(*(self.value(name) for name in _DEBOUNCE))
         self._judging.is_enabled = self.value('enabled')
         self._topics.warning.horizon = self.value('warning_horizon')
         self._topics.warning.window = self.value('warning_window')
         self._rules.counts_file = self.value('counts_file')
+        self._rules.edits = self._edits()
         path = self.value('constraints_file')
         if path:
-            self._use(load_constraints(path), path)
+            self._use(load_constraints(path), path, strict=True)
         if self._offered:
             self._take(self._offered)
 
@@ -130,10 +150,33 @@ class Monitor(ManagedNode):
         except OccError as error:
             self.get_logger().error(f'rule set refused, the one before stays: {error}')
 
-    def _use(self, constraints: Constraints, where: str) -> None:
-        self._judging.listen(map_of(constraints, where), self.value('timeout'))
-        self._rules.use(constraints, where)
+    def _use(self, constraints: Constraints, where: str, *, strict: bool = False) -> None:
+        feature_map = map_of(constraints, where)
+        rules = self._rules.prepare(constraints, where, strict=strict)
+        self._judging.listen(feature_map, self.value('timeout'))
+        self._rules.use(rules)
         self._judging.forget('no input since the rules came')
+
+    def _edits(self, changed: Sequence[Parameter] = ()) -> RuleEdits:
+        """Return the edits that the parameters ask for, once some of them have changed."""
+        values = {name: self.value(name) for name in _EDITS}
+        for item in changed:
+            if item.name in values:
+                values[item.name] = [text for text in item.value if text]
+        return RuleEdits.parse(*values.values())
+
+    def _check_edits(self, parameters: list[Parameter]) -> SetParametersResult:
+        try:
+            if _is_edit(parameters):
+                self._rules.check(self._edits(parameters))
+        except OccError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _on_edits(self, parameters: list[Parameter]) -> None:
+        if _is_edit(parameters):
+            self._rules.edit(self._edits())
+            self._judging.forget('no input since the rules were edited')
 
     def _report(self) -> None:
         self._rules.keep()
@@ -151,7 +194,7 @@ class Monitor(ManagedNode):
             if rule_set.rules and self.is_active:
                 self._rule_stats.publish(table_message(rule_stats_table(self._rules.counts), now))
         name = f'{self.get_fully_qualified_name().lstrip("/")}: judging'
-        message = report_message(name, self._judging.judgement, self._judging.problem, values, now)
+        message = report_message(name, self._judging.state, self._judging.problem, values, now)
         self._diagnostics.publish(message)
 
     def _on_prune(self, _request: Any, response: Any) -> Any:
@@ -176,6 +219,10 @@ class Monitor(ManagedNode):
         word = 'enabled' if self._judging.is_enabled else 'disabled'
         response.success, response.message = True, word
         return response
+
+
+def _is_edit(parameters: Sequence[Parameter]) -> bool:
+    return any(item.name in _EDITS for item in parameters)
 
 
 def main(argv: list[str] | None = None) -> int:

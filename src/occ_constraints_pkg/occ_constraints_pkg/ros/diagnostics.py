@@ -30,7 +30,7 @@ def violation_message(
     values: np.ndarray,
     judgement: Judgement,
     stamp_ns: int,
-    foreseen: dict[str, object] | None = None,
+    more: dict[str, object] | None = None,
 ) -> DiagnosticArray:
     """Describe a single robot, or the first few of a batch that are not safe.
 
@@ -42,7 +42,7 @@ def violation_message(
         values: (n, k) the features judged.
         judgement: of the n rows.
         stamp_ns: stamp of the input.
-        foreseen: what :func:`foreseen_values` says of robot 0; None for nothing.
+        more: what else to tell of robot 0, as :func:`foreseen_values`; None for nothing.
     """
     robots = np.flatnonzero(judgement.verdict != Verdict.SAFE)[:_MOST_ROBOTS]
     if not len(robots):
@@ -53,7 +53,7 @@ def violation_message(
         status
         for robot in robots
         for status in _robot_statuses(
-            rule_set, values[robot], judgement, int(robot), foreseen if robot == 0 else None
+            rule_set, values[robot], judgement, int(robot), more if robot == 0 else None
         )
     ]
     return message
@@ -90,7 +90,7 @@ def unknown_message(reason: str, rule_set: RuleSet | None, stamp_ns: int) -> Dia
 
 def report_message(
     name: str,
-    judgement: Judgement | None,
+    state: Verdict,
     problem: str,
     values: dict[str, object],
     stamp_ns: int,
@@ -99,14 +99,13 @@ def report_message(
 
     Args:
         name: of the status.
-        judgement: the newest one; its worst verdict is reported.
-        problem: why there is none.
+        state: the verdict to report.
+        problem: why nothing is judged.
         values: what else to tell.
         stamp_ns: now.
     """
-    verdict = Verdict.UNKNOWN if judgement is None else Verdict(judgement.verdict.max(initial=0))
-    text = f'{verdict.name}: {problem}' if problem else verdict.name
-    message = DiagnosticArray(status=[status(name, _LEVELS[verdict], text, values)])
+    text = f'{state.name}: {problem}' if problem else state.name
+    message = DiagnosticArray(status=[status(name, _LEVELS[state], text, values)])
     message.header.stamp = to_time(stamp_ns)
     return message
 
@@ -147,11 +146,11 @@ def _robot_statuses(
     sample: np.ndarray,
     judgement: Judgement,
     robot: int,
-    foreseen: dict[str, object] | None,
+    more: dict[str, object] | None,
 ) -> list[DiagnosticStatus]:
     verdict = Verdict(judgement.verdict[robot])
     summary = _summary(robot, verdict, float(judgement.margin[robot]), rule_set)
-    summary |= foreseen or {}
+    summary |= more or {}
     if verdict is Verdict.UNKNOWN:
         text = f'UNKNOWN: {_why_unknown(rule_set, sample)}'
         return [status(_VERDICT_NAME, _LEVELS[verdict], text, summary, robot)]

@@ -12,7 +12,8 @@ from occ_constraints_pkg.ros.live_features import LiveFeatures
 from occ_constraints_pkg.ros.process import OccNode
 from occ_constraints_pkg.ros.rules_in_force import RulesInForce
 from occ_constraints_pkg.ros.verdict_topics import VerdictTopics
-from occ_constraints_pkg.rules import Judgement
+from occ_constraints_pkg.rules import Judgement, Verdict
+from occ_constraints_pkg.rules.gating import SteadyVerdict
 
 _NO_RULES = 'no rule set yet'
 _INACTIVE = 'the monitor is not active'
@@ -46,13 +47,25 @@ class Judging:
         self.is_enabled = True
         self.problem = _INACTIVE
         self._is_active = self._is_silent = False
+        self._steady = SteadyVerdict(1, 1, 1)
         self._answer: _Answer | None = None
         self._stamp_ns = 0
 
     @property
-    def judgement(self) -> Judgement | None:
-        """Of the newest input; None while there is none."""
-        return None if self.problem or self._answer is None else self._answer.judgement
+    def state(self) -> Verdict:
+        """What to tell people: the steady verdict, of several robots the worst one as it is."""
+        if self.problem or self._answer is None:
+            return Verdict.UNKNOWN
+        verdicts = self._answer.judgement.verdict
+        return self._steady.state if len(verdicts) == 1 else Verdict(verdicts.max())
+
+    def debounce(self, trigger_count: int, trigger_window: int, release_count: int) -> None:
+        """Set how verdicts are debounced for people; see :class:`SteadyVerdict`.
+
+        Raises:
+            OccError: the numbers do not fit together.
+        """
+        self._steady = SteadyVerdict(trigger_count, trigger_window, release_count)
 
     def listen(self, feature_map: FeatureMap, timeout: float) -> None:
         """Take the features from these topics.
@@ -134,6 +147,7 @@ class Judging:
             return
         judgement = self._rules.rule_set.judge(rows.values)
         self._rules.counts.add_stamped(judgement, rows.stamp_ns)
+        self._steady.add(Verdict(judgement.verdict[0]))
         self._answer = answer = _Answer(rows, judgement)
         self._publish(answer)
 
@@ -148,8 +162,11 @@ class Judging:
         self._topics.publish_costs(rule_set, judgement, rows.stamp_ns)
         if is_new:
             self.problem = ''
-            self._topics.publish_verdict(rule_set, rows, judgement)
+            self._topics.publish_verdict(
+                rule_set, rows, judgement, self._steady.state, self._features
+            )
 
     def _unknown(self, reason: str) -> None:
         self.problem = reason
+        self._steady.add(Verdict.UNKNOWN)
         self._topics.publish_unknown(reason, self._rules.rule_set, self._stamp_ns)

@@ -45,6 +45,7 @@ class LiveFeatures:
         self._heard = node.steady_seconds()
         self._extractor = FeatureExtractor(feature_map)
         self._topics = MappedTopics(node, feature_map, self._on_message)
+        self._newest: dict[str, Any] = {}
 
     @property
     def feature_map(self) -> FeatureMap:
@@ -63,6 +64,11 @@ class LiveFeatures:
         self._topics.close()
         self._topics, self._extractor = topics, FeatureExtractor(feature_map)
         self.renew()
+
+    def frame(self, topic: str) -> str:
+        """Return the ``frame_id`` of a topic's newest message, the topic as the map writes it."""
+        header = getattr(self._newest.get(topic), 'header', None)
+        return '' if header is None else header.frame_id
 
     def close(self) -> None:
         """Drop all subscriptions."""
@@ -86,6 +92,7 @@ class LiveFeatures:
 
     def _on_message(self, topic: str, message: Any) -> None:
         now = self._arrival.now_ns()
+        self._newest[topic] = message
         try:
             rows = self._extractor.push(topic, message, now)
             if rows is not None and not len(rows.values):

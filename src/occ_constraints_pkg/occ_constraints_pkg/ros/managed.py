@@ -90,6 +90,10 @@ class ManagedNode(LifecycleNodeMixin, OccNode):
         self.parameter(name, default, description, read_only=False, **bounds)
         self._settings.add(name)
 
+    def live_setting(self, name: str, default: Any, description: str, **bounds: float) -> None:
+        """Declare a parameter that can be set in any state; see :meth:`setting`."""
+        self.parameter(name, default, description, read_only=False, **bounds)
+
     def value(self, name: str) -> Any:
         """Return the present value of a parameter; a list without the empty text, for none."""
         value = self.get_parameter(name).value

@@ -20,12 +20,13 @@ from occ_constraints_pkg.ros.diagnostics import (
     violation_message,
 )
 from occ_constraints_pkg.ros.early_warning import EarlyWarning
-from occ_constraints_pkg.ros.markers import verdict_marker
+from occ_constraints_pkg.ros.live_features import LiveFeatures
+from occ_constraints_pkg.ros.markers import sector_markers, verdict_markers
 from occ_constraints_pkg.ros.messages import table_message
 from occ_constraints_pkg.ros.process import OccNode
 from occ_constraints_pkg.ros.qos import VERDICTS, overridable
 from occ_constraints_pkg.ros.tables import costs_table
-from occ_constraints_pkg.rules import Judgement, RuleSet
+from occ_constraints_pkg.rules import Judgement, RuleSet, Verdict
 
 
 class VerdictTopics:
@@ -66,8 +67,23 @@ class VerdictTopics:
         table = costs_table(judgement)
         self._costs.publish(table_message(table, stamp_ns, rule_set.fingerprint))
 
-    def publish_verdict(self, rule_set: RuleSet, rows: FeatureRows, judgement: Judgement) -> None:
-        """Publish all but ``costs``."""
+    def publish_verdict(
+        self,
+        rule_set: RuleSet,
+        rows: FeatureRows,
+        judgement: Judgement,
+        state: Verdict,
+        features: LiveFeatures,
+    ) -> None:
+        """Publish all but ``costs``.
+
+        Args:
+            rule_set: the rules that judged.
+            rows: what they judged.
+            judgement: of these rows.
+            state: the steady verdict on robot 0, for people.
+            features: where the rows come from.
+        """
         stamp = rows.stamp_ns
         self._cost.publish(Float64(data=float(judgement.cost[0])))
         if self._margin.get_subscription_count():
@@ -79,12 +95,15 @@ class VerdictTopics:
             if is_time_wanted:
                 self._time.publish(Float64(data=forecast.seconds))
             if is_told:
-                foreseen = foreseen_values(rule_set, forecast, self.warning.horizon)
+                more = {
+                    'state': state.name,
+                    **foreseen_values(rule_set, forecast, self.warning.horizon),
+                }
                 self._violation.publish(
-                    violation_message(rule_set, rows.values, judgement, stamp, foreseen)
+                    violation_message(rule_set, rows.values, judgement, stamp, more)
                 )
         if self._markers.get_subscription_count():
-            self._markers.publish(verdict_marker(rule_set, judgement, stamp))
+            self._markers.publish(_markers(rule_set, rows, state, features))
 
     def publish_unknown(self, reason: str, rule_set: RuleSet | None, stamp_ns: int) -> None:
         """Say that nothing can be judged, and why; ``stamp_ns`` is that of the last input."""
@@ -92,3 +111,21 @@ class VerdictTopics:
         self._margin.publish(Float64(data=math.nan))
         self._time.publish(Float64(data=math.nan))
         self._violation.publish(unknown_message(reason, rule_set, stamp_ns))
+        if self._markers.get_subscription_count():
+            self._markers.publish(verdict_markers(Verdict.UNKNOWN, reason, stamp_ns))
+
+
+def _markers(
+    rule_set: RuleSet, rows: FeatureRows, state: Verdict, features: LiveFeatures
+) -> MarkerArray:
+    """Return the markers of robot 0; rules and sectors are those violated now."""
+    sample, names = rows.values[0], rule_set.space.names
+    violated = [rule_set.rules[place] for place in rule_set.violated_rules(sample)]
+    fired = {
+        names[literal.feature]: float(sample[literal.feature])
+        for rule in violated
+        for literal in rule.literals
+    }
+    words = '\n'.join(rule.words(rule_set.space) for rule in violated)
+    sectors = sector_markers(features.feature_map, fired, features.frame)
+    return verdict_markers(state, words, rows.stamp_ns, sectors)

@@ -80,6 +80,9 @@ class Monitor(ManagedNode):
         )
         self.setting('timeout', 1.0, 'seconds without input until the verdict is UNKNOWN', low=0.01)
         self.setting(
+            'max_lead', 1.0, 'seconds that a stamp may be ahead of the clock; 0: any', low=0.0
+        )
+        self.setting(
             'prune_threshold', 0.001, 'ratio under which ~/prune disables rules', low=0.0, high=1.0
         )
         self.setting('pruned_file', '', 'where ~/prune writes the constraints file; none: nowhere')
@@ -153,7 +156,7 @@ class Monitor(ManagedNode):
     def _use(self, constraints: Constraints, where: str, *, strict: bool = False) -> None:
         feature_map = map_of(constraints, where)
         rules = self._rules.prepare(constraints, where, strict=strict)
-        self._judging.listen(feature_map, self.value('timeout'))
+        self._judging.listen(feature_map, self.value('timeout'), self.value('max_lead'))
         self._rules.use(rules)
         self._judging.forget('no input since the rules came')
 

@@ -152,7 +152,7 @@ def _robot_statuses(
     summary = _summary(robot, verdict, float(judgement.margin[robot]), rule_set)
     summary |= more or {}
     if verdict is Verdict.UNKNOWN:
-        text = f'UNKNOWN: {_why_unknown(rule_set, sample)}'
+        text = f'UNKNOWN: {summary.get("reason") or _why_unknown(rule_set, sample)}'
         return [status(_VERDICT_NAME, _LEVELS[verdict], text, summary, robot)]
     margins = rule_set.rule_margins(sample)
     violated = rule_set.violated_rules(sample)

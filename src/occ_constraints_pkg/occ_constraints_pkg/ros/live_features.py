@@ -24,6 +24,8 @@ class LiveFeatures:
         feature_map: what to compute.
         timeout: seconds without new input after which :attr:`silence` has something to say, and
             that ``/clock`` may stand still.
+        max_lead: seconds that the header stamp of a message may be ahead of the clock; 0 for any.
+            Stamps of tables tell steps apart and are not looked at.
         on_rows: called with each input's rows.
         on_fault: called with the reason and the stamp in ns of an input that gives none.
 
@@ -36,10 +38,11 @@ class LiveFeatures:
         node: OccNode,
         feature_map: FeatureMap,
         timeout: float,
+        max_lead: float,
         on_rows: Callable[[FeatureRows], None],
         on_fault: Callable[[str, int], None],
     ) -> None:
-        self._node, self._timeout = node, timeout
+        self._node, self._timeout, self._max_lead_ns = node, timeout, round(max_lead * 1e9)
         self._on_rows, self._on_fault = on_rows, on_fault
         self._arrival = ArrivalClock(node, timeout)
         self._heard = node.steady_seconds()
@@ -94,6 +97,7 @@ class LiveFeatures:
         now = self._arrival.now_ns()
         self._newest[topic] = message
         try:
+            self._check_stamp(topic, message, now)
             rows = self._extractor.push(topic, message, now)
             if rows is not None and not len(rows.values):
                 raise OccError(f'topic {topic!r} brought a table without rows')
@@ -104,3 +108,14 @@ class LiveFeatures:
             return
         if rows is not None:
             self._on_rows(rows)
+
+    def _check_stamp(self, topic: str, message: Any, now_ns: int) -> None:
+        if not self._max_lead_ns or topic in self.feature_map.table_topics:
+            return
+        lead_ns = (header_stamp_ns(message) or 0) - now_ns
+        # Without a time nothing is judged anyway.
+        if now_ns and lead_ns > self._max_lead_ns:
+            raise OccError(
+                f'the stamp of a message on {topic!r} is {lead_ns * 1e-9:.3g} s ahead of the '
+                f'clock; allowed is {self._max_lead_ns * 1e-9:g} s, by the parameter max_lead'
+            )

@@ -96,6 +96,7 @@ class VerdictTopics:
                 self._time.publish(Float64(data=forecast.seconds))
             if is_told:
                 more = {
+                    **({'reason': rows.note} if rows.note else {}),
                     'state': state.name,
                     **foreseen_values(rule_set, forecast, self.warning.horizon),
                 }

@@ -154,11 +154,14 @@ def _robot_statuses(
     if verdict is Verdict.UNKNOWN:
         text = f'UNKNOWN: {summary.get("reason") or _why_unknown(rule_set, sample)}'
         return [status(_VERDICT_NAME, _LEVELS[verdict], text, summary, robot)]
+    if verdict is Verdict.SAFE:
+        words = summary.get('warning', '')
+        text = f'SAFE: {words}' if words else 'SAFE'
+        return [status(_VERDICT_NAME, _LEVELS[verdict], text, summary, robot)]
     margins = rule_set.rule_margins(sample)
     violated = rule_set.violated_rules(sample)
     words = '; '.join(rule_set.rules[index].words(rule_set.space) for index in violated)
-    words = words or summary.get('warning', '')
-    text = f'{verdict.name}: {words}' if words else verdict.name
+    text = f'{verdict.name}: {words}'
     statuses = [status(_VERDICT_NAME, _LEVELS[verdict], text, summary, robot)]
     for index in violated:
         rule = rule_set.rules[index]

@@ -31,10 +31,12 @@ def test_checking(occ, tmp_path):
     pytest.importorskip('matplotlib', reason="needs the extra 'report'")
     (tmp_path / 'bags').symlink_to(ROOT / 'bags')
     text = (DOCS / 'checking.md').read_text(encoding='utf-8')
-    check, learn = re.findall(r'```sh\n(.*?)```', text, re.DOTALL)
+    check, learn, warn = re.findall(r'```sh\n(.*?)```', text, re.DOTALL)
     (shown,) = re.findall(r'prints:\n\n```\n(.*?)```', text, re.DOTALL)
-    printed = [occ(line)[1] for line in _lines(learn + check, tmp_path)]
-    _assert_shows(shown, printed[-1])
+    (warned,) = re.findall(r'same forecasts:\n\n```\n(.*?)```', text, re.DOTALL)
+    printed = [occ(line)[1] for line in _lines(learn + check + warn, tmp_path)]
+    _assert_shows(shown, printed[-2])
+    assert printed[-1] == printed[-2] + warned
 
 
 def test_the_tutorial_on_recordings_of_a_robot(occ, tmp_path):

@@ -360,3 +360,44 @@ def transfer(output: str, as_json: bool, **given: Any) -> None:
             f'{name.replace("_", " ")}: return {line["return"]:.2f}, true cost {line["cost"]:.2f}, '
             f'learned cost {line["learned_cost"]:.2f}'
         )
+
+
+@experiment.command()
+@click.option('-o', '--output', default='results', show_default=True, type=click.Path())
+@click.option(
+    '--data',
+    type=click.Path(),
+    help='Folder of the recordings; default: robots in OCC_TEST_DATA or in ../shared/data.',
+)
+@click.option(
+    '--bags', default='bags', show_default=True, type=click.Path(), help="This project's bags."
+)
+@click.option(
+    '--set', 'sets', multiple=True, help='Only this kind of robot, or world; may be repeated.'
+)
+@JSON
+def warnings(
+    output: str, data: str | None, bags: str, sets: tuple[str, ...], as_json: bool
+) -> None:
+    """Measure how early violations are warned of, and how often in vain.
+
+    On recordings as of `occ experiment robots`, and on those of this project. Writes warnings.json
+    and warnings.md.
+
+    \b
+    Example: occ experiment warnings -o results
+    """
+    from occ_constraints_pkg.experiments.warnings import run_warnings
+
+    with progress_bar('sets') as progress:
+        result = run_warnings(
+            Path(output),
+            folder=Path(data) if data else None,
+            bags=Path(bags),
+            names=sets,
+            progress=progress,
+        )
+    if as_json:
+        print_json(result)
+        return
+    click.echo((Path(output) / 'warnings.md').read_text(encoding='utf-8'))

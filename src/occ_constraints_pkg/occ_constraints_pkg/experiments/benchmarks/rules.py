@@ -18,6 +18,7 @@ from occ_constraints_pkg.learning.extraction import extract_rules
 from occ_constraints_pkg.learning.octree import fit_tree
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.rules import Feature, FeatureSpace, Rule, RuleSet, Verdict
+from occ_constraints_pkg.rules.forecast import Forecast, Forecaster
 
 _ROWS, _TRAINING_ROWS, _RULES = 1_000_000, 100_000, 80
 _LIDAR_BINS = 12
@@ -36,6 +37,8 @@ _LIDAR_REACH = (0.95, 0.7, 0.4)
 _SETTINGS = OCTreeSettings(alpha=0.5, max_depth=20)
 _LEAST_ROUNDS = 3
 _SINGLE_CALLS = 2000
+# Of the rows that are forecast from: 100 a second.
+_STEP_NS = 10_000_000
 
 
 def run(seconds: float = 5.0) -> dict[str, Any]:
@@ -66,10 +69,17 @@ def run(seconds: float = 5.0) -> dict[str, Any]:
         },
         seconds,
     )
+    forecaster = Forecaster(rule_set)
+
+    def forecast(number: int) -> Forecast:
+        forecaster.add(number * _STEP_NS, rows[number])
+        return forecaster.forecast(Verdict.SAFE, -1)
+
     single = _median(
         {
             'verdict': lambda number: rule_set.verdict(rows[number]),
             'judge': lambda number: rule_set.judge(rows[number : number + 1]),
+            'forecast': forecast,
             'even tree': lambda number: even_tree.predict(rows[number : number + 1]),
         }
     )
@@ -80,6 +90,7 @@ def run(seconds: float = 5.0) -> dict[str, Any]:
             'judge_ns_per_row': per_row['judge'],
             'single_verdict_us': 1e6 * single['verdict'],
             'single_judge_us': 1e6 * single['judge'],
+            'single_forecast_us': 1e6 * single['forecast'],
             'sklearn_per_verdict_ratio': per_row['verdict tree'] / per_row['verdict'],
             'sklearn_per_judge_ratio': per_row['verdict tree'] / per_row['judge'],
             'sklearn_even_per_verdict_ratio': per_row['even tree'] / per_row['verdict'],

@@ -20,7 +20,7 @@ from occ_constraints_pkg.cli.common import (
 )
 from occ_constraints_pkg.errors import import_needed
 from occ_constraints_pkg.report.evidence import describe_why, why_document
-from occ_constraints_pkg.report.rules import describe_rules
+from occ_constraints_pkg.report.rules import describe_promise, describe_rules
 
 
 @click.command()
@@ -58,9 +58,18 @@ def show(constraints: str, why: str | None, as_json: bool) -> None:
             }
             for rule in rule_set.rules
         ]
-        print_json({'rule_set': rule_set.fingerprint, 'edited': loaded.is_edited, 'rules': rules})
+        document = {
+            'rule_set': rule_set.fingerprint,
+            'edited': loaded.is_edited,
+            'rules': rules,
+            'calibration': loaded.learner.get('calibration'),
+        }
+        print_json(document)
         return
     click.echo(describe_rules(loaded, counters=True))
+    promise = describe_promise(loaded)
+    if promise:
+        click.echo(f'\n{promise}')
 
 
 @click.command()

@@ -81,7 +81,7 @@ setup(
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
         (f'share/{NAME}/launch', files('launch', '*.launch.py')),
-        (f'share/{NAME}/config', files('config', '*.yaml')),
+        (f'share/{NAME}/config', files('config', '*.*')),
         (f'lib/{NAME}', [f'scripts/{node}' for node in NODES]),
     ],
 )

@@ -76,10 +76,17 @@ def test_started_nodes_exist_and_bear_the_name_their_parameters_are_filed_under(
 
 def test_the_monitor_takes_what_jazzy_users_expect():
     declared = {call.args[0].value for call in calls('monitor.launch.py', 'DeclareLaunchArgument')}
-    assert declared == {
+    assert declared >= {
         'namespace',
         'use_sim_time',
         'params_file',
         'constraints_file',
         'log_level',
     }
+
+
+def test_the_monitor_brings_a_gate_for_a_robot():
+    started = {keyword(call, 'executable') for call in calls('monitor.launch.py', 'Node')}
+    assert started == {'monitor', 'gate'}
+    declared = {call.args[0].value for call in calls('monitor.launch.py', 'DeclareLaunchArgument')}
+    assert declared >= {'gate', 'stamped', 'cmd_vel_in', 'cmd_vel'}

@@ -65,7 +65,7 @@ def test_share_holds_index_manifest_launch_files_and_parameters(installed, packa
     share = installed / 'share'
     assert (share / 'ament_index/resource_index/packages/occ_constraints_pkg').is_file()
     assert (share / 'occ_constraints_pkg/package.xml').is_file()
-    for folder, pattern in (('launch', '*.launch.py'), ('config', '*.yaml')):
+    for folder, pattern in (('launch', '*.launch.py'), ('config', '*.*')):
         expected = {path.name for path in (package / folder).glob(pattern)}
         assert expected
         found = (share / 'occ_constraints_pkg' / folder).glob('*.*')

@@ -1,6 +1,8 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Two robots with a monitor each do not hear each other."""
+"""Robots with a monitor each, and a gate, do not hear each other."""
+
+import signal
 
 import numpy as np
 from occ_constraints_pkg.bags.table import Table
@@ -55,3 +57,72 @@ def test_monitors_in_two_namespaces_do_not_mix(nodes, witness, rules_of):
         for message in costs[robot]:
             assert Table.from_message(message).column('cost').tolist() == [cost] * rows
     assert (len(costs['robot1']), len(costs['robot2'])) == (3, 5)
+
+
+class Robot:
+    """Drives one simulated robot by its observations, and commands it through its gate."""
+
+    def __init__(self, witness, name):
+        from geometry_msgs.msg import Twist
+        from occ_constraints_pkg.ros.qos import COMMANDS, STEPS
+        from sensor_msgs.msg import PointCloud2
+
+        self.up, self.heard, self.kind = 0.0, [], Twist
+        self.action = witness.node.create_publisher(PointCloud2, f'/{name}/action', STEPS)
+        self.command = witness.node.create_publisher(Twist, f'/{name}/cmd_vel_in', COMMANDS)
+        witness.node.create_subscription(
+            PointCloud2, f'/{name}/observation', self._on_observation, STEPS
+        )
+        witness.node.create_subscription(Twist, f'/{name}/cmd_vel', self._on_output, 10)
+
+    def _on_observation(self, message):
+        from occ_constraints_pkg.ros.messages import table_message, to_nanoseconds
+
+        table = Table(('d_x', 'd_y'), np.array([[0.0, self.up]], dtype=np.float32))
+        stamp = to_nanoseconds(message.header.stamp)
+        self.action.publish(table_message(table, stamp, 'simple_nav'))
+
+    def _on_output(self, message):
+        self.heard.append(message.linear.x)
+
+    def ask(self):
+        command = self.kind()
+        command.linear.x = 1.0
+        self.command.publish(command)
+
+
+def test_of_three_robots_each_is_stopped_by_its_own_monitor_only(nodes, witness, rules_of):
+    rules = nodes.folder / 'rules.yaml'
+    rules_of['simple_nav'].save(rules)
+    names = ('robot1', 'robot2', 'robot3')
+    monitors = {}
+    for name in names:
+        nodes.start('gate', namespace=f'/{name}', slow_margin=0.0, timeout=2.0)
+        monitors[name] = nodes.start(
+            'monitor', namespace=f'/{name}', constraints_file=rules, timeout=2.0
+        )
+        nodes.start('sim', namespace=f'/{name}', world='simple_nav', rate=20.0)
+    robots = {name: Robot(witness, name) for name in names}
+
+    def passing(*wanted):
+        """Tell whether just these robots are let through, and the others held."""
+
+        def holds():
+            for robot in robots.values():
+                robot.ask()
+            witness.spin(0.05)
+            return all(
+                len(robot.heard) >= 5 and set(robot.heard[-5:]) == {1.0 if name in wanted else 0.0}
+                for name, robot in robots.items()
+            )
+
+        witness.spin_until(holds, 60.0)
+
+    passing(*names)
+    # Only the second one drives into what is forbidden, and comes back.
+    robots['robot2'].up = 1.0
+    passing('robot1', 'robot3')
+    robots['robot2'].up = -1.0
+    passing(*names)
+    monitors['robot3'].send_signal(signal.SIGKILL)
+    passing('robot1', 'robot2')

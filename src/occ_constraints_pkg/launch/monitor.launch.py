@@ -1,11 +1,13 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Start the monitor, which checks the rules of a constraints file on live topics."""
+"""Start the monitor, which checks the rules of a constraints file, and the gate if wanted."""
 
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, GroupAction, OpaqueFunction
+from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node, PushROSNamespace, SetParameter
+from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
 PACKAGE = 'occ_constraints_pkg'
@@ -34,7 +36,9 @@ def generate_launch_description() -> LaunchDescription:
     return LaunchDescription(
         [
             DeclareLaunchArgument(
-                'namespace', default_value='', description='Namespace of the node and its topics.'
+                'namespace',
+                default_value='',
+                description='Namespace of the nodes and their topics, one for each robot.',
             ),
             DeclareLaunchArgument(
                 'use_sim_time',
@@ -46,13 +50,33 @@ def generate_launch_description() -> LaunchDescription:
                 default_value=PathJoinSubstitution(
                     [FindPackageShare(PACKAGE), 'config', 'params.yaml']
                 ),
-                description='YAML file with the parameters of the node.',
+                description='YAML file with the parameters of the nodes.',
             ),
             DeclareLaunchArgument(
                 'constraints_file',
                 default_value='',
                 description='Constraints file to check; empty: the one that params_file names, '
                 'or else the one that arrives on the topic constraints.',
+            ),
+            DeclareLaunchArgument(
+                'gate',
+                default_value='false',
+                description='Also start the gate, which slows and stops the robot: true or false.',
+            ),
+            DeclareLaunchArgument(
+                'stamped',
+                default_value='false',
+                description='With gate: commands are TwistStamped, not Twist: true or false.',
+            ),
+            DeclareLaunchArgument(
+                'cmd_vel_in',
+                default_value='cmd_vel_in',
+                description='With gate: topic of the commands, as from a navigation stack.',
+            ),
+            DeclareLaunchArgument(
+                'cmd_vel',
+                default_value='cmd_vel',
+                description='With gate: topic that the base of the robot listens to.',
             ),
             DeclareLaunchArgument(
                 'log_level',
@@ -64,6 +88,26 @@ def generate_launch_description() -> LaunchDescription:
                     PushROSNamespace(LaunchConfiguration('namespace')),
                     SetParameter('use_sim_time', LaunchConfiguration('use_sim_time')),
                     OpaqueFunction(function=start_monitor),
+                    Node(
+                        package=PACKAGE,
+                        executable='gate',
+                        name='gate',
+                        output='screen',
+                        condition=IfCondition(LaunchConfiguration('gate')),
+                        parameters=[
+                            LaunchConfiguration('params_file'),
+                            {
+                                'stamped': ParameterValue(
+                                    LaunchConfiguration('stamped'), value_type=bool
+                                )
+                            },
+                        ],
+                        remappings=[
+                            ('cmd_vel_in', LaunchConfiguration('cmd_vel_in')),
+                            ('cmd_vel', LaunchConfiguration('cmd_vel')),
+                        ],
+                        arguments=['--ros-args', '--log-level', LaunchConfiguration('log_level')],
+                    ),
                 ]
             ),
         ]

@@ -26,6 +26,8 @@ def learn_from_files(
     settings: OCTreeSettings,
     *,
     rng: np.random.Generator,
+    false_alarm: float | None = None,
+    calibrate_on: Sequence[str | Path] = (),
     progress: Callable[[int, int], None] | None = None,
     warn: Callable[[str], None] | None = None,
 ) -> Constraints:
@@ -37,24 +39,40 @@ def learn_from_files(
             so that they can be monitored.
         settings: the tree learner's parameters.
         rng: chooses the held-out episodes.
+        false_alarm: largest probability of an alarm in a fresh safe episode, see
+            :func:`~occ_constraints_pkg.learning.learn.learn`; ``None`` to promise nothing.
+        calibrate_on: recordings or tables of safe episodes for that promise, from which nothing
+            is learned; none: held-out episodes of ``paths``.
         progress: called with (messages read, messages in all); not for tables.
         warn: called with a sentence for each thing that is damaged, and for samples left out.
 
     Raises:
-        OccError: a file cannot be read or lacks a feature, or no sample is usable.
+        OccError: a file cannot be read or lacks a feature, no sample is usable, or there are too
+            few episodes for the promise.
     """
+    if calibrate_on and false_alarm is None:
+        raise OccError('there is something to calibrate on but no false_alarm to promise; give one')
     data, space = read_demonstrations(paths, feature_map, progress=progress)
+    safe, safe_episodes = None, None
+    if calibrate_on:
+        safe, _ = read_demonstrations(calibrate_on, feature_map, space, progress=progress)
+        safe_episodes = safe.values, safe.episodes
     constraints = learn(
         data.values,
         data.episodes,
         space,
         settings,
         rng=rng,
+        false_alarm=false_alarm,
+        safe_episodes=safe_episodes,
         feature_map=None if feature_map is None else feature_map.to_document(),
-        bags=data.sources,
+        # Those that were learned from come first: the evidence speaks of them by position.
+        bags=(*data.sources, *(() if safe is None else safe.sources)),
         origin=data.origin,
     )
     _pass_on(data, constraints, warn)
+    for sentence in () if safe is None or warn is None else safe.warnings:
+        warn(sentence)
     return constraints
 
 

@@ -248,6 +248,40 @@ def truth(
 
 
 @experiment.command()
+@click.option('-o', '--output', default='results', show_default=True, type=click.Path())
+@click.option('--world', default='PointGoal1', show_default=True)
+@click.option(
+    '--demonstrations', default=50, type=click.IntRange(min=10), show_default=True, help='Episodes.'
+)
+@click.option(
+    '--episodes', default=400, type=click.IntRange(min=100), show_default=True, help='In all.'
+)
+@click.option('--draws', default=100, type=click.IntRange(min=2), show_default=True)
+@click.option('--seed', default=0, type=click.IntRange(min=0), show_default=True)
+@JSON
+def alarms(output: str, as_json: bool, **given: Any) -> None:
+    """Measure the false-alarm promise on fresh episodes; writes alarms.json and alarms.md.
+
+    An expert's episodes are dealt out at random, draw by draw: some are demonstrations, some are
+    calibrated on, and the rest are fresh.
+
+    \b
+    Example: occ experiment alarms -o results
+    """
+    module = import_needed('occ experiment', 'occ_constraints_pkg.experiments.alarms')
+    with progress_bar('draws') as progress:
+        result = module.run_alarms(module.AlarmSettings(**given), progress=progress)
+    table = module.markdown(result)
+    for name, text in (('alarms.json', json.dumps(result, indent=1) + '\n'), ('alarms.md', table)):
+        with replacing(make_directory(output) / name) as draft:
+            draft.write_text(text, encoding='utf-8')
+    if as_json:
+        print_json(result)
+        return
+    click.echo(table)
+
+
+@experiment.command()
 @DATA
 @click.option('-m', '--map', 'map_name', help=f'{FEATURE_MAP_HELP} Recordings need one.')
 @click.option(

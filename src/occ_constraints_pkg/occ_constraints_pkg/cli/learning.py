@@ -17,7 +17,7 @@ from occ_constraints_pkg.cli.common import (
     warn,
 )
 from occ_constraints_pkg.cli.tree_options import seed_option, tree_options, tree_settings
-from occ_constraints_pkg.report.rules import describe_rules
+from occ_constraints_pkg.report.rules import describe_promise, describe_rules
 
 
 @click.command()
@@ -25,6 +25,20 @@ from occ_constraints_pkg.report.rules import describe_rules
 @click.option('-m', '--map', 'map_name', help=f'{FEATURE_MAP_HELP} Recordings need one.')
 @click.option('-o', '--output', default='constraints.yaml', show_default=True, type=click.Path())
 @tree_options
+@click.option(
+    '--false-alarm',
+    type=float,
+    help='Move the bounds outward until a fresh safe episode raises an alarm with at most this '
+    'probability; whole episodes are held out for that.',
+)
+@click.option(
+    '--calibrate-on',
+    multiple=True,
+    metavar='DATA',
+    type=click.Path(),
+    help='With --false-alarm: episodes known to be safe, instead of held-out ones; may be '
+    'repeated.',
+)
 @seed_option
 @click.option('--overwrite', is_flag=True, help='Replace a file with edited rules (keeps .bak).')
 @JSON
@@ -32,6 +46,8 @@ def learn(
     paths: tuple[str, ...],
     map_name: str | None,
     output: str,
+    false_alarm: float | None,
+    calibrate_on: tuple[str, ...],
     seed: int,
     overwrite: bool,
     as_json: bool,
@@ -46,6 +62,7 @@ def learn(
 
     from occ_constraints_pkg.bags.demonstrations import learn_from_files
     from occ_constraints_pkg.bags.feature_map import load_feature_map
+    from occ_constraints_pkg.learning.promise import loss_words
     from occ_constraints_pkg.learning.simplification import size
     from occ_constraints_pkg.rules.constraints_file import save_learned
 
@@ -56,14 +73,19 @@ def learn(
             None if map_name is None else load_feature_map(map_name),
             settings,
             rng=np.random.default_rng(seed),
+            false_alarm=false_alarm,
+            calibrate_on=calibrate_on,
             progress=progress,
             warn=warn,
         )
     save_learned(constraints, output, overwrite=overwrite)
     coverage = constraints.coverage
+    calibration = constraints.learner.get('calibration')
     rules, literals = size(constraints.rule_set)
     extracted_rules = constraints.learner['extracted_rules']
     extracted_literals = constraints.learner['extracted_literals']
+    if calibration and calibration['vanished']:
+        warn(loss_words(calibration))
     if as_json:
         print_json(
             {
@@ -73,6 +95,7 @@ def learn(
                 'extracted_rules': extracted_rules,
                 'extracted_literals': extracted_literals,
                 **coverage,
+                **({'calibration': calibration} if calibration else {}),
             }
         )
         return
@@ -94,4 +117,6 @@ def learn(
             f'{coverage["held_out_episodes"]} held-out episodes'
         )
     )
+    if calibration:
+        click.echo(describe_promise(constraints))
     click.echo(f'Written to {output}')

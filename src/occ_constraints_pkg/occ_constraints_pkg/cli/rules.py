@@ -21,7 +21,7 @@ from occ_constraints_pkg.cli.common import (
 )
 from occ_constraints_pkg.errors import import_needed
 from occ_constraints_pkg.report.evidence import describe_why, why_document
-from occ_constraints_pkg.report.rules import describe_rules
+from occ_constraints_pkg.report.rules import describe_promise, describe_rules
 from occ_constraints_pkg.rules.forecast import WINDOW_SECONDS
 
 
@@ -52,9 +52,13 @@ def show(constraints: str, why: str | None, as_json: bool) -> None:
         document = rules_document(rule_set)
         for entry, rule in zip(document['rules'], rule_set.rules, strict=True):
             entry.update(evaluated=rule.evaluated, violated=rule.violated)
-        print_json({**document, 'edited': loaded.is_edited})
+        calibration = loaded.learner.get('calibration')
+        print_json({**document, 'edited': loaded.is_edited, 'calibration': calibration})
         return
     click.echo(describe_rules(loaded, counters=True))
+    promise = describe_promise(loaded)
+    if promise:
+        click.echo(f'\n{promise}')
 
 
 @click.command()

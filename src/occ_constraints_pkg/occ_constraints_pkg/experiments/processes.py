@@ -36,6 +36,7 @@ class NodeProcess:
         directory: where its output goes.
         domain: ROS domain id.
         namespace: of the node and its topics.
+        module: what Python runs with the node's arguments; by default the node of that name.
     """
 
     def __init__(
@@ -46,6 +47,7 @@ class NodeProcess:
         domain: int,
         *,
         namespace: str = '/',
+        module: str | None = None,
     ) -> None:
         arguments = ['-r', f'__ns:={namespace}']
         for key, value in parameters.items():
@@ -54,9 +56,10 @@ class NodeProcess:
         self.was_killed = False
         directory.mkdir(parents=True, exist_ok=True)
         self.log = directory / f'{name}.log'
+        program = ['occ_constraints_pkg', 'node', name] if module is None else [module]
         with self.log.open('ab') as output:
             self._process = subprocess.Popen(
-                [sys.executable, '-m', 'occ_constraints_pkg', 'node', name, *arguments],
+                [sys.executable, '-m', *program, *arguments],
                 stdout=output,
                 stderr=subprocess.STDOUT,
                 stdin=subprocess.DEVNULL,

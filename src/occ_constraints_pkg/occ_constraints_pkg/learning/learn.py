@@ -5,22 +5,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
 
 import occ_constraints_pkg
+from occ_constraints_pkg.learning.calibration import (
+    SafeSet,
+    calibrate,
+    episodes_needed,
+    space_limits,
+)
 from occ_constraints_pkg.learning.evidence import (
     MOST_LITERALS,
     evidence_document,
     gather_evidence,
 )
 from occ_constraints_pkg.learning.octree import fit_tree
-from occ_constraints_pkg.learning.samples import divide_samples, families
+from occ_constraints_pkg.learning.samples import divide_samples, families, is_usable
 from occ_constraints_pkg.learning.settings import OCTreeSettings
-from occ_constraints_pkg.learning.simplification import extract_and_simplify
+from occ_constraints_pkg.learning.simplification import Simplification, extract_and_simplify
 from occ_constraints_pkg.learning.tree import Node
 from occ_constraints_pkg.rules.constraints_file import Constraints
 from occ_constraints_pkg.rules.ruleset import RuleSet
@@ -36,6 +42,8 @@ def learn(
     *,
     rng: np.random.Generator,
     held_out_share: float = 0.2,
+    false_alarm: float | None = None,
+    safe_episodes: tuple[np.ndarray, np.ndarray] | None = None,
     feature_map: Mapping[str, Any] | None = None,
     bags: Sequence[Mapping[str, Any]] = (),
     origin: Callable[[int], Mapping[str, int]] | None = None,
@@ -54,6 +62,11 @@ def learn(
         settings: the tree learner's parameters; ``None`` for the defaults.
         rng: chooses the held-out episodes.
         held_out_share: share of episodes to hold out when there are five or more.
+        false_alarm: largest probability that a fresh safe episode has a violation; bounds are
+            moved outward for that, see :mod:`~occ_constraints_pkg.learning.calibration`. ``None``
+            promises nothing and moves nothing.
+        safe_episodes: (m, k) samples and their (m,) episodes to calibrate on. ``None`` for the
+            held-out episodes, of which there are then as many as that takes, up to half of all.
         feature_map: document of the feature map, kept in the file.
         bags: name, sha256 and messages of each recording, kept in the file.
         origin: for a position in ``values``: where that sample came from, for the evidence of
@@ -61,16 +74,32 @@ def learn(
         progress: called with (level, leaves so far) after each level of the tree.
 
     Raises:
-        OccError: there is no usable sample, or the share is not within 0 to 1.
+        OccError: there is no usable sample, the share is not within 0 to 1, or there are too few
+            episodes for the stated probability.
     """
     settings = settings if settings is not None else OCTreeSettings()
-    samples = divide_samples(values, episodes, space, rng=rng, held_out_share=held_out_share)
+    own = false_alarm is not None and safe_episodes is None
+    samples = divide_samples(
+        values,
+        episodes,
+        space,
+        rng=rng,
+        held_out_share=held_out_share,
+        hold_out_least=episodes_needed(false_alarm) if own else 0,
+    )
+    if own:
+        safe_episodes = samples.held_out, samples.held_out_names
     training = samples.training
     tree = grow(training, space, settings, progress=progress)
     demonstrated = samples.demonstrated(space, settings)
     formula = extract_and_simplify(
         tree, space, demonstrated, full_conditions=settings.full_conditions
     )
+    calibration: dict[str, Any] = {}
+    if false_alarm is not None:
+        tree, formula, calibration = _calibrated(
+            tree, formula, safe_episodes, false_alarm, settings.full_conditions
+        )
     rule_set = formula.rule_set
     safe = is_safe(rule_set, training)
     held_out = samples.held_out
@@ -107,11 +136,37 @@ def learn(
             'unusable_samples': samples.unusable,
             'extracted_rules': formula.before[0],
             'extracted_literals': formula.before[1],
+            **({'calibration': calibration} if calibration else {}),
         },
         coverage,
         provenance,
         evidence,
     )
+
+
+def _calibrated(
+    tree: Node,
+    formula: Simplification,
+    safe_episodes: tuple[np.ndarray, np.ndarray],
+    false_alarm: float,
+    full_conditions: bool,
+) -> tuple[Node, Simplification, dict[str, Any]]:
+    """Return tree and rules with their bounds moved outward, and what that promises."""
+    rule_set = formula.rule_set
+    space, demonstrated = rule_set.space, rule_set.demonstrated
+    rows, episodes = space.check_rows(safe_episodes[0]), np.asarray(safe_episodes[1])
+    usable = is_usable(rows, space)
+    safe_set = SafeSet(tree, demonstrated, rule_set.scale, space_limits(space))
+    moved, calibration = calibrate(safe_set, rows[usable], episodes[usable], false_alarm)
+    if calibration.margin:
+        wider = extract_and_simplify(moved.tree, space, moved.box, full_conditions=full_conditions)
+        # The demonstrated range is what it was, and with it the unit of the margin.
+        formula = replace(wider, rule_set=replace(wider.rule_set, demonstrated=demonstrated))
+    left = {rule.id for rule in formula.rule_set.rules}
+    vanished = tuple(
+        f'{rule.id}: {rule.words(space)}' for rule in rule_set.rules if rule.id not in left
+    )
+    return moved.tree, formula, replace(calibration, vanished=vanished).document()
 
 
 def tree_document(node: Node, space: FeatureSpace) -> dict[str, Any]:
@@ -134,7 +189,7 @@ def grow(
     progress: Callable[[int, int], None] | None = None,
 ) -> Node:
     """Return the tree that (n, k) usable samples of a feature space give."""
-    limits = np.stack([space.lows, space.highs], axis=1)
+    limits = space_limits(space)
     return fit_tree(training, settings, families=space.families, limits=limits, progress=progress)
 
 

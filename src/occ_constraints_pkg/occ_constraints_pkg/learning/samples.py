@@ -25,6 +25,7 @@ class Samples:
         training: (n, k) samples to learn from.
         episodes: (n,) their episodes.
         held_out: (m, k) samples of the held-out episodes.
+        held_out_names: (m,) their episodes.
         held_out_episodes: how many these are.
         usable: (all samples,) bool; the others could only be UNKNOWN at run time.
         is_held_out: (usable samples,) bool.
@@ -33,6 +34,7 @@ class Samples:
     training: np.ndarray
     episodes: np.ndarray
     held_out: np.ndarray
+    held_out_names: np.ndarray
     held_out_episodes: int
     usable: np.ndarray
     is_held_out: np.ndarray
@@ -70,6 +72,7 @@ def divide_samples(
     *,
     rng: np.random.Generator,
     held_out_share: float = 0.2,
+    hold_out_least: int = 0,
 ) -> Samples:
     """Leave out what cannot be used, and hold out whole episodes.
 
@@ -79,6 +82,8 @@ def divide_samples(
         space: the features.
         rng: chooses the held-out episodes.
         held_out_share: share of episodes to hold out when there are five or more.
+        hold_out_least: number of episodes to hold out even if that is a larger share, but at most
+            half of them.
 
     Raises:
         OccError: there is no usable sample, or the share is not within 0 to 1.
@@ -88,11 +93,7 @@ def divide_samples(
     rows = space.check_rows(values)
     if not len(rows):
         raise OccError('there are no samples to learn from; allowed are one or more')
-    usable = (
-        np.isfinite(rows).all(axis=1)
-        & (rows >= space.lows).all(axis=1)
-        & (rows <= space.highs).all(axis=1)
-    )
+    usable = is_usable(rows, space)
     if not usable.any():
         raise OccError(
             f'none of the {len(rows)} samples is usable: each has a value that is missing, not '
@@ -104,10 +105,26 @@ def divide_samples(
     chosen = names[:0]
     if len(names) >= _LEAST_EPISODES_TO_HOLD_OUT:
         count = min(round(held_out_share * len(names)), len(names) - 1)
+        count = max(count, min(hold_out_least, len(names) // 2))
         chosen = rng.choice(names, size=count, replace=False)
         held_out = np.isin(episodes, chosen)
     return Samples(
-        rows[~held_out], episodes[~held_out], rows[held_out], len(chosen), usable, held_out
+        rows[~held_out],
+        episodes[~held_out],
+        rows[held_out],
+        episodes[held_out],
+        len(chosen),
+        usable,
+        held_out,
+    )
+
+
+def is_usable(rows: np.ndarray, space: FeatureSpace) -> np.ndarray:
+    """Tell for each of (n, k) rows whether all is finite and within physical bounds: (n,) bool."""
+    return (
+        np.isfinite(rows).all(axis=1)
+        & (rows >= space.lows).all(axis=1)
+        & (rows <= space.highs).all(axis=1)
     )
 
 

@@ -16,6 +16,7 @@ from occ_constraints_pkg.bags.extract import FeatureExtractor
 from occ_constraints_pkg.bags.feature_map import load_feature_map
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.learning.learn import learn
+from occ_constraints_pkg.learning.promise import loss_words, promise_words
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.ros.arrival import ArrivalClock
 from occ_constraints_pkg.ros.mapped_topics import MappedTopics
@@ -60,6 +61,22 @@ class TreeLearner(OccNode):
             contamination=None if share < 0.0 else share,
             **chosen,
         )
+        alarm = self.parameter(
+            'false_alarm',
+            0.0,
+            'probability of an alarm in a fresh safe episode to keep to; 0: no promise',
+            low=0.0,
+            high=1.0,
+        )
+        self._false_alarm = alarm if alarm > 0.0 else None
+        calibrate_on = self.parameter(
+            'calibrate_on', [], 'recordings of safe episodes for that; none: held-out episodes'
+        )
+        if calibrate_on and not bags:
+            raise OccError(
+                "parameter 'calibrate_on' of node 'tree_learner' goes with 'bags' only; allowed "
+                'with live topics is none'
+            )
         if not name:
             raise OccError(
                 "parameter 'feature_map' of node 'tree_learner' is missing; "
@@ -83,6 +100,8 @@ class TreeLearner(OccNode):
                     self._map,
                     self._settings,
                     rng=self._rng,
+                    false_alarm=self._false_alarm,
+                    calibrate_on=calibrate_on,
                     warn=self.get_logger().warning,
                 )
             self._hand_out(constraints)
@@ -121,6 +140,7 @@ class TreeLearner(OccNode):
                     self._map.space,
                     self._settings,
                     rng=self._rng,
+                    false_alarm=self._false_alarm,
                     feature_map=self._map.to_document(),
                 )
             response.success, response.message = True, self._hand_out(constraints)
@@ -140,6 +160,11 @@ class TreeLearner(OccNode):
             save_learned(constraints, self._output, overwrite=self._overwrite)
             text += f', written to {self._output}'
         self._publisher.publish(String(data=constraints.dumps()))
+        calibration = constraints.learner.get('calibration')
+        if calibration:
+            text += f'. {promise_words(calibration)}'
+            if calibration['vanished']:
+                self.get_logger().warning(loss_words(calibration))
         self.get_logger().info(text)
         return text
 

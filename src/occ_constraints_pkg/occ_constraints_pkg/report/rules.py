@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from occ_constraints_pkg.learning.promise import promise_words
 from occ_constraints_pkg.rules.constraints_file import Constraints
 
 
@@ -23,3 +24,12 @@ def describe_rules(constraints: Constraints, *, counters: bool = False) -> str:
             line += f'   # {rule.note}'
         lines.append(line)
     return '\n'.join(lines)
+
+
+def describe_promise(constraints: Constraints) -> str:
+    """Return what the file promises about false alarms in one sentence; empty if nothing."""
+    calibration = constraints.learner.get('calibration')
+    if not calibration:
+        return ''
+    edited = '; the rules were edited since, and this was not checked again'
+    return promise_words(calibration) + (edited if constraints.is_edited else '')

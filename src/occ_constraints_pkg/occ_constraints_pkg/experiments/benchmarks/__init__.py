@@ -15,6 +15,7 @@ BENCHMARKS = {
     'loop': 'training over topics beside training in one process',
     'train': 'the same for longer, and occ train with the true cost',
     'rules': 'judging by rules beside a decision tree of scikit-learn',
+    'monitor': 'the node monitor beside a bare relay of the same messages; takes 4 minutes',
     'bags': 'features of a bag beside its messages deserialized by rosbags',
     'worlds': 'the Safety-Gym tasks beside a bare loop of MuJoCo steps',
 }

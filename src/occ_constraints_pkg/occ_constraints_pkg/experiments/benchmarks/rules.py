@@ -14,27 +14,11 @@ import numpy as np
 from sklearn.tree import DecisionTreeClassifier
 
 from occ_constraints_pkg.experiments.conditions import machine, versions
-from occ_constraints_pkg.learning.extraction import extract_rules
-from occ_constraints_pkg.learning.octree import fit_tree
-from occ_constraints_pkg.learning.settings import OCTreeSettings
-from occ_constraints_pkg.rules import Feature, FeatureSpace, Rule, RuleSet, Verdict
+from occ_constraints_pkg.experiments.made_up import TRAINING_ROWS, drives, learned_rules
+from occ_constraints_pkg.rules import RuleSet, Verdict
 from occ_constraints_pkg.rules.forecast import Forecast, Forecaster
 
-_ROWS, _TRAINING_ROWS, _RULES = 1_000_000, 100_000, 80
-_LIDAR_BINS = 12
-# Three ways to drive, by turns: slow, city, highway. What is demonstrated of one feature depends
-# on another, so the tree has several branches and its rules several literals.
-_SHARES = (0.3, 0.4, 0.3)
-_SPEED = ((1.5, 0.5), (11.0, 2.0), (30.0, 2.0))
-_GAP = ((4.0, 1.0), (20.0, 5.0), (60.0, 10.0))
-_CENTRED = {
-    'a_x': (0.8, 1.0, 0.5),
-    'a_y': (0.2, 1.0, 0.6),
-    'yaw_rate': (0.5, 0.2, 0.05),
-    'steering': (0.3, 0.1, 0.02),
-}
-_LIDAR_REACH = (0.95, 0.7, 0.4)
-_SETTINGS = OCTreeSettings(alpha=0.5, max_depth=20)
+_ROWS = 1_000_000
 _LEAST_ROUNDS = 3
 _SINGLE_CALLS = 2000
 # Of the rows that are forecast from: 100 a second.
@@ -55,8 +39,8 @@ def run(seconds: float = 5.0) -> dict[str, Any]:
         seconds: measured time per form, at least.
     """
     rng = np.random.default_rng(0)
-    rule_set = _learned_rules(rng)
-    rows = _drives(rng, _ROWS)
+    rule_set = learned_rules(rng)
+    rows = drives(rng, _ROWS)
     shares = np.bincount(rule_set.verdicts(rows), minlength=3) / len(rows)
     verdict_tree, even_tree = _trees(rule_set, rng)
 
@@ -123,52 +107,10 @@ def run(seconds: float = 5.0) -> dict[str, Any]:
     }
 
 
-def _drives(rng: np.random.Generator, rows: int) -> np.ndarray:
-    """Return (rows, 20) made-up samples of a car's features, in no order."""
-    way = rng.choice(3, size=rows, p=_SHARES)
-
-    def normal(means: Any, deviations: Any) -> np.ndarray:
-        return np.asarray(means)[way] + np.asarray(deviations)[way] * rng.normal(size=rows)
-
-    speed, gap = normal(*zip(*_SPEED, strict=True)), normal(*zip(*_GAP, strict=True))
-    centred = [normal((0.0, 0.0, 0.0), deviations) for deviations in _CENTRED.values()]
-    brake = np.where(rng.random(rows) < 0.5, 0.0, rng.beta(2.0, 5.0, size=rows))
-    reach = np.array(_LIDAR_REACH)[way, None]
-    closeness = reach * rng.beta(2.0, 3.0, size=(rows, _LIDAR_BINS))
-    closeness[rng.random(closeness.shape) < 0.5] = 0.0
-    headway = gap / np.maximum(speed, 0.5)
-    return np.column_stack([speed, gap, headway, *centred, brake, closeness])
-
-
-def _learned_rules(rng: np.random.Generator) -> RuleSet:
-    """Return rules learned from such samples: all of one literal, and others of every length."""
-    free = [Feature(name, unit) for name, unit in (('v', 'm/s'), ('gap', 'm'), ('headway', 's'))]
-    free += [Feature(name) for name in _CENTRED]
-    space = FeatureSpace(
-        (
-            *free,
-            Feature('brake', '1', 0.0, 1.0),
-            *(Feature(f'd_l{number}', '1', 0.0, 1.0) for number in range(_LIDAR_BINS)),
-        )
-    )
-    samples = _drives(rng, _TRAINING_ROWS)
-    demonstrated = np.stack([samples.min(axis=0), samples.max(axis=0)], axis=1)
-    learned = extract_rules(fit_tree(samples, _SETTINGS), space, demonstrated)
-    single = [rule for rule in learned.rules if len(rule.literals) == 1]
-    several = [rule for rule in learned.rules if len(rule.literals) > 1]
-    return RuleSet(space, (*single, *_evenly(several, _RULES - len(single))), demonstrated)
-
-
-def _evenly(rules: list[Rule], count: int) -> list[Rule]:
-    """Return so many of some rules, spread over all of them; all if there are no more."""
-    places = np.linspace(0, len(rules) - 1, min(count, len(rules)))
-    return [rules[place] for place in np.unique(places.round().astype(int))]
-
-
 def _trees(
     rule_set: RuleSet, rng: np.random.Generator
 ) -> tuple[DecisionTreeClassifier, DecisionTreeClassifier]:
-    samples, leaves = _drives(rng, _TRAINING_ROWS), len(rule_set.rules)
+    samples, leaves = drives(rng, TRAINING_ROWS), len(rule_set.rules)
     labels = rng.random(len(samples)) < 0.5
     deep = DecisionTreeClassifier(max_leaf_nodes=leaves, random_state=0)
     even = DecisionTreeClassifier(

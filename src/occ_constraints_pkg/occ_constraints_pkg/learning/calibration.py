@@ -1,0 +1,208 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""The false-alarm promise: bounds moved outward until fresh safe episodes raise no alarm.
+
+Split conformal prediction on whole episodes, in its nested form (V. Vovk, A. Gammerman, G. Shafer,
+"Algorithmic Learning in a Random World", 2005; C. Gupta, A. K. Kuchibhotla, A. Ramdas, Pattern
+Recognition 127, 2022). Samples of one episode depend on each other, so an episode counts as one.
+The larger the tolerance, the larger the safe set; an episode's score is the tolerance from which
+on all its samples are safe. Of n episodes that nothing was learned from and a fresh one like them,
+each is as likely to have the k-th smallest score, so the fresh one exceeds the k-th smallest of
+the n with probability at most 1 - k / (n + 1).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from fractions import Fraction
+
+import numpy as np
+from scipy.special import betaincinv
+
+from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.learning.promise import CONFIDENCE, Calibration
+from occ_constraints_pkg.learning.tree import Node
+from occ_constraints_pkg.rules.space import FeatureSpace
+
+# What the margin grows by first where rounding leaves a sample outside.
+_LEAST_STEP = 1e-18
+_LARGEST = np.finfo(np.float64).max
+
+
+@dataclass(frozen=True, eq=False)
+class SafeSet:
+    """A tree within the box of the demonstrations.
+
+    Attributes:
+        tree: the tree.
+        box: (k, 2) smallest and largest safe value of each feature.
+        scale: (k,) unit of the margin in each feature; it stays when bounds move.
+        limits: (k, 2) physical bounds, infinite where there is none.
+    """
+
+    tree: Node
+    box: np.ndarray
+    scale: np.ndarray
+    limits: np.ndarray
+
+    def moved(self, margin: float) -> SafeSet:
+        """Return the safe set with all its bounds moved outward.
+
+        A bound goes no further than the physical limit and, between two branches, no further than
+        the middle of the gap, where both meet. So a larger margin always gives a larger set, and
+        every state in it is at most that far from the safe set as learned; where the tree has no
+        gap, it is all states within the physical limits that are.
+
+        Args:
+            margin: at least 0, in parts of each feature's scale.
+        """
+        with np.errstate(over='ignore'):
+            step = np.minimum(margin * self.scale, _LARGEST)
+            lows, highs = self.box[:, 0] - step, self.box[:, 1] + step
+        box = np.stack(
+            [np.maximum(lows, self.limits[:, 0]), np.minimum(highs, self.limits[:, 1])], axis=1
+        ).clip(-_LARGEST, _LARGEST)
+        return replace(self, tree=_moved(self.tree, step.tolist(), self.limits.tolist()), box=box)
+
+    def contains(self, rows: np.ndarray) -> np.ndarray:
+        """Tell for each of (n, k) finite rows whether it is inside: (n,) bool."""
+        inside = ((rows >= self.box[:, 0]) & (rows <= self.box[:, 1])).all(axis=1)
+        return inside & self.tree.contains(rows)
+
+    def tolerances(self, rows: np.ndarray) -> np.ndarray:
+        """Return the margin from which on each of (n, k) rows is inside, but for rounding: (n,)."""
+        with np.errstate(over='ignore'):
+            outside = np.maximum(self.box[:, 0] - rows, rows - self.box[:, 1]) / self.scale
+        worst = np.maximum(outside.max(axis=1, initial=0.0), 0.0)
+        self._descend(self.tree, rows, np.arange(len(rows)), worst)
+        return worst
+
+    def _descend(self, node: Node, rows: np.ndarray, places: np.ndarray, worst: np.ndarray) -> None:
+        if node.feature is None or not len(places):
+            return
+        column = rows[places, node.feature]
+        cell = np.searchsorted(_middles(node), column)
+        for index, branch in enumerate(node.branches):
+            own = cell == index
+            with np.errstate(over='ignore'):
+                outside = np.maximum(branch.low - column[own], column[own] - branch.high)
+                outside /= self.scale[node.feature]
+            worst[places[own]] = np.maximum(worst[places[own]], outside)
+            self._descend(branch.node, rows, places[own], worst)
+
+
+def episodes_needed(false_alarm: float) -> int:
+    """Return how many episodes must be held out for a stated probability of a false alarm.
+
+    Raises:
+        OccError: it is not a number above 0 and below 1.
+    """
+    return math.ceil(1 / _exact(false_alarm)) - 1
+
+
+def calibrate(
+    safe_set: SafeSet, rows: np.ndarray, episodes: np.ndarray, false_alarm: float
+) -> tuple[SafeSet, Calibration]:
+    """Move the bounds of a safe set outward until a promise on false alarms holds.
+
+    Args:
+        safe_set: as learned, from other episodes than these.
+        rows: (n, k) samples of safe episodes, finite and within the physical limits.
+        episodes: (n,) the episode each sample belongs to.
+        false_alarm: the largest probability that a fresh safe episode has a violation.
+
+    Returns:
+        The moved safe set, and what it promises (rules that vanish are not known here).
+
+    Raises:
+        OccError: the probability is not above 0 and below 1, or there are too few episodes.
+    """
+    names, places = np.unique(episodes, return_inverse=True)
+    count, needed = len(names), episodes_needed(false_alarm)
+    if count < needed:
+        raise OccError(
+            f'false_alarm {false_alarm:g} needs {needed} safe episodes to calibrate on, got '
+            f'{count}; allowed with so many is '
+            + (f'{_least(count)} or more' if count else 'none: give more episodes')
+        )
+    rank = math.ceil((count + 1) * (1 - _exact(false_alarm)))
+    scores = np.zeros(count)
+    np.maximum.at(scores, places, safe_set.tolerances(rows))
+    margin = float(np.sort(scores)[rank - 1])
+    alarms_before = _alarms(safe_set, rows, places, count)
+    moved, alarms_after = safe_set, alarms_before
+    extra = max(np.spacing(margin), _LEAST_STEP)
+    # What rounding of the moved bounds left outside is let in by the next larger margins.
+    while alarms_after > count - rank:
+        moved = safe_set.moved(margin)
+        alarms_after = _alarms(moved, rows, places, count)
+        if alarms_after > count - rank:
+            margin, extra = min(margin + extra, _LARGEST), 2.0 * extra
+    if moved is safe_set:
+        margin = 0.0
+    return moved, Calibration(
+        float(false_alarm),
+        count,
+        rank,
+        margin,
+        1.0 - rank / (count + 1),
+        1.0 - float(betaincinv(rank, count + 1 - rank, 1.0 - CONFIDENCE)),
+        alarms_before,
+        alarms_after,
+    )
+
+
+def space_limits(space: FeatureSpace) -> np.ndarray:
+    """Return the (k, 2) physical bounds of a feature space."""
+    return np.stack([space.lows, space.highs], axis=1)
+
+
+def _exact(false_alarm: float) -> Fraction:
+    """Return the number as it was written: 0.1 is a tenth, not the float next to it."""
+    if not (isinstance(false_alarm, int | float) and 0.0 < false_alarm < 1.0):
+        raise OccError(f'false_alarm is {false_alarm!r}; allowed is a number above 0 and below 1')
+    return Fraction(repr(float(false_alarm)))
+
+
+def _least(count: int) -> str:
+    """Return the smallest probability that so many episodes allow, rounded up to four digits."""
+    return f'{math.ceil(10_000 / (count + 1)) / 10_000:g}'
+
+
+def _alarms(safe_set: SafeSet, rows: np.ndarray, places: np.ndarray, count: int) -> int:
+    """Return how many of ``count`` episodes have a sample outside."""
+    outside = np.zeros(count, dtype=bool)
+    outside[places[~safe_set.contains(rows)]] = True
+    return int(outside.sum())
+
+
+def _middles(node: Node) -> list[float]:
+    """Return where the cells of a node's branches end, all but the last, inclusive."""
+    middles = []
+    for left, right in zip(node.branches[:-1], node.branches[1:], strict=True):
+        middle = left.high / 2.0 + right.low / 2.0
+        # Rounding must not hand a branch what is its neighbour's.
+        middles.append(min(max(middle, left.high), math.nextafter(right.low, -math.inf)))
+    return middles
+
+
+def _moved(node: Node, step: list[float], ranges: list[list[float]]) -> Node:
+    """Move the bounds of a node and what is below it; ``ranges`` is the cell it lies in."""
+    if node.feature is None:
+        return node
+    feature = node.feature
+    floor, ceiling = ranges[feature]
+    middles = _middles(node)
+    floors = [floor, *(math.nextafter(middle, math.inf) for middle in middles)]
+    branches = []
+    for branch, low, high in zip(node.branches, floors, [*middles, ceiling], strict=True):
+        own = [
+            max(branch.low - step[feature], low, -_LARGEST),
+            min(branch.high + step[feature], high, _LARGEST),
+        ]
+        inner = [own if index == feature else item for index, item in enumerate(ranges)]
+        branches.append(
+            replace(branch, low=own[0], high=own[1], node=_moved(branch.node, step, inner))
+        )
+    return replace(node, branches=tuple(branches))

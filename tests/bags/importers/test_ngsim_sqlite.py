@@ -5,7 +5,7 @@ import os
 import numpy as np
 import pytest
 from made_traffic import write_ngsim
-from occ_constraints_pkg.bags.importers.formats import import_drives, read_drives
+from occ_constraints_pkg.bags.importers.convert import import_drives, read_drives
 from occ_constraints_pkg.bags.importers.traffic import FEATURES
 from occ_constraints_pkg.errors import OccError
 

@@ -4,7 +4,7 @@ import os
 
 import numpy as np
 import pytest
-from occ_constraints_pkg.bags.importers.formats import import_drives, read_drives
+from occ_constraints_pkg.bags.importers.convert import import_drives, read_drives
 from occ_constraints_pkg.errors import OccError
 
 RADIUS, EARTH = 400.0, 6.37e6

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from made_traffic import commonroad_text, told
-from occ_constraints_pkg.bags.importers.formats import import_drives, read_drives
+from occ_constraints_pkg.bags.importers.convert import import_drives, read_drives
 from occ_constraints_pkg.bags.importers.reference_line import ReferenceLine
 from occ_constraints_pkg.bags.importers.traffic import FEATURES
 from occ_constraints_pkg.errors import OccError

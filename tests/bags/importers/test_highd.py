@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from made_traffic import CARS, FRAME_RATE, Car, highd_texts, told, write_highd
-from occ_constraints_pkg.bags.importers.formats import import_drives, read_drives
+from occ_constraints_pkg.bags.importers.convert import import_drives, read_drives
 from occ_constraints_pkg.bags.importers.traffic import FEATURES
 from occ_constraints_pkg.errors import OccError
 

@@ -8,7 +8,7 @@ from dataclasses import asdict
 
 import click
 
-from occ_constraints_pkg.bags.importers.formats import FORMATS, import_drives
+from occ_constraints_pkg.bags.importers.formats import FORMATS
 from occ_constraints_pkg.cli.common import JSON, end_tidily, print_json, progress_bar, warn
 
 
@@ -34,6 +34,8 @@ def import_(format_name: str, path: str, output: str, keep_gaps: bool, as_json: 
     \b
     Example: occ import commonroad USA_US101-11_4_T-1.xml -o bags/us101_11
     """
+    from occ_constraints_pkg.bags.importers.convert import import_drives
+
     end_tidily()
     with progress_bar('importing') as progress:
         result = import_drives(format_name, path, output, keep_gaps=keep_gaps, progress=progress)
@@ -42,8 +44,9 @@ def import_(format_name: str, path: str, output: str, keep_gaps: bool, as_json: 
     if as_json:
         print_json({'output': output, 'format': format_name, **asdict(result)})
         return
+    drives = '1 drive' if result.drives == 1 else f'{result.drives} drives'
     click.echo(
-        f'{output}: {result.drives} drives, {result.rows} rows, {result.seconds:.1f} s; '
+        f'{output}: {drives}, {result.rows} rows, {result.seconds:.1f} s; '
         f'features {", ".join(result.features)}'
     )
     click.echo(f'Learn from it with: occ learn {output} -m {result.feature_map}')

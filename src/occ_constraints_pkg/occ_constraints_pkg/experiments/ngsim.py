@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from occ_constraints_pkg.bags.feature_map import FeatureMap, load_feature_map
-from occ_constraints_pkg.bags.importers.formats import read_drives
+from occ_constraints_pkg.bags.importers.convert import read_drives
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.experiments.conditions import data_folder
 from occ_constraints_pkg.files import make_directory, replacing

@@ -150,9 +150,14 @@ class RoadMap:
         return place
 
     def _carriageway(self, members: list[int]) -> _Carriageway:
-        line = ReferenceLine(
-            np.concatenate([self._lanelets[i].left for i in self._longest(members)])
-        )
+        chain = self._longest(members)
+        try:
+            line = ReferenceLine(np.concatenate([self._lanelets[i].left for i in chain]))
+        except ValueError as error:
+            raise OccError(
+                f'{self._lanelets[chain[0]].where}: it and what follows it turn back; '
+                'allowed are the lanes of a highway'
+            ) from error
         return _Carriageway(line, {i: _band(line, self._lanelets[i]) for i in members})
 
     def _longest(self, members: list[int]) -> list[int]:
@@ -265,7 +270,7 @@ def _band(line: ReferenceLine, lanelet: Lanelet) -> _Band:
     width = float(np.median(high - low))
     if width < 0.0:
         raise OccError(
-            f'{lanelet.where} its leftBound lies to the right of its rightBound; '
+            f'{lanelet.where}: its leftBound lies to the right of its rightBound; '
             'allowed are bounds as seen in the direction of travel'
         )
     check_lane_width(lanelet.where, width)

@@ -8,9 +8,11 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 _STEP_M = 2.0
+_MOST_STEPS = 20_000
 # Bounds of mapped lanes jitter by decimetres within metres; the direction of a highway does not.
 _SMOOTH_M = 20.0
-_CHUNK = 4096
+# Distances of points to steps that are held at once.
+_PAIRS = 2_000_000
 
 
 class ReferenceLine:
@@ -18,13 +20,16 @@ class ReferenceLine:
 
     Args:
         points: (n, 2) metres, two or more different ones in the direction of travel.
+
+    Raises:
+        ValueError: they lead back over themselves.
     """
 
     def __init__(self, points: np.ndarray) -> None:
         lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
         points = points[np.concatenate([[True], lengths > 0.0])]
         along = np.concatenate([[0.0], np.cumsum(lengths[lengths > 0.0])])
-        count = max(2, round(along[-1] / _STEP_M) + 1)
+        count = 1 + min(max(1, round(along[-1] / _STEP_M)), _MOST_STEPS)
         at = np.linspace(0.0, along[-1], count)
         line = np.stack([np.interp(at, along, axis) for axis in points.T], axis=1)
         # Only what departs from the chord is smoothed, so that the ends stay where they are.
@@ -33,6 +38,8 @@ class ReferenceLine:
         self._points = chord + gaussian_filter1d(line - chord, sigma, axis=0, mode='nearest')
         steps = np.diff(self._points, axis=0)
         self._lengths = np.linalg.norm(steps, axis=1)
+        if not self._lengths.all():
+            raise ValueError('a step of the line has no length')
         self._units = steps / self._lengths[:, None]
         self._begins = np.concatenate([[0.0], np.cumsum(self._lengths)[:-1]])
 
@@ -45,8 +52,9 @@ class ReferenceLine:
         Returns:
             (n,) metres along the line, (n,) metres to its left, (n,) its direction there in rad.
         """
+        size = max(1, _PAIRS // len(self._lengths))
         parts = [
-            self._locate(points[begin : begin + _CHUNK]) for begin in range(0, len(points), _CHUNK)
+            self._locate(points[begin : begin + size]) for begin in range(0, len(points), size)
         ]
         along, left, angle = (np.concatenate(part) for part in zip(*parts, strict=True))
         return along, left, angle

@@ -1,6 +1,8 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
+import gc
 import threading
+import time
 
 import pytest
 from occ_constraints_pkg.worlds.crew import Crew
@@ -46,4 +48,16 @@ def test_closing_stops_the_threads():
     crew.share(lambda number: together.wait(timeout=10))
     assert threading.active_count() == before + 2
     crew.close()
+    assert threading.active_count() == before
+
+
+def test_the_threads_of_a_crew_that_is_given_up_end():
+    before = threading.active_count()
+    crew = Crew(2)
+    crew.share(lambda number: None)
+    del crew
+    gc.collect()
+    end = time.monotonic() + 10
+    while threading.active_count() > before and time.monotonic() < end:
+        time.sleep(0.01)
     assert threading.active_count() == before

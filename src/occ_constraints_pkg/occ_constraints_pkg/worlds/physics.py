@@ -236,10 +236,10 @@ class Physics:
             number: of the thread.
         """
         costs = together * _TOGETHER_COST
-        ends = (costs + alone) * np.array([number, number + 1]) / self._crew.size
-        low, high = np.rint(np.minimum(ends, costs) / _TOGETHER_COST).astype(int)
+        ends = [(costs + alone) * end / self._crew.size for end in (number, number + 1)]
+        low, high = (round(min(end, costs) / _TOGETHER_COST) for end in ends)
         self._together.run(number, low, high, steps=_STEPS)
-        low, high = np.rint(np.maximum(ends - costs, 0.0)).astype(int)
+        low, high = (round(max(end - costs, 0.0)) for end in ends)
         self._alone.run(number, low, high, steps=_STEPS)
 
     def _reached(self, model: _Model, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -162,5 +162,7 @@ DRIVERS: dict[str, dict[str, Callable[[np.random.Generator], Driver]]] = {
     },
     'PointPush1': {'random': _Random, 'expert': _deterministic(avoider, 'PointPush1')},
     'CarPush1': {'random': _Random, 'expert': _deterministic(avoider, 'CarPush1')},
+    'highway': {'random': _Random},
+    'highway_restricted': {'random': _Random},
 }
 """The drivers that :func:`make_driver` knows, by world and name."""

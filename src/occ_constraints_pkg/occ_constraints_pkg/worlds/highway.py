@@ -1,0 +1,164 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""A car on a highway among others, after the driving experiment of the paper."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from occ_constraints_pkg.worlds.base import Column, World
+from occ_constraints_pkg.worlds.highway_features import FAR, NAMES, features, neighbours
+from occ_constraints_pkg.worlds.highway_scenarios import FULL, RESTRICTED, TRAFFIC, scenario
+from occ_constraints_pkg.worlds.highway_traffic import STEP_SECONDS, Traffic, X
+from occ_constraints_pkg.worlds.robots import checked_action, robot_generators, selected_rows
+
+ACCELERATION_RANGE = 5.0
+# At 30 m/s this is 9 m/s^2 sideways, about what tyres hold.
+STEERING_RANGE = 0.05
+# A mean of 27.5 m/s, about as fast as the traffic would like to go.
+GOAL_DISTANCE = 1100.0
+# CommonRoad-RL's reward for reaching the goal, here paid along the way.
+GOAL_REWARD = 50.0
+_SECONDS = 40.0
+_SIXTH = range(6)
+# A gap of so many m gives a nearness of a half.
+_HALF_NEAR = 10.0
+
+
+class Highway(World):
+    """Get 1100 m down a highway within 40 s, without touching anyone and without leaving the road.
+
+    Observations are the ten features of the paper and, after these, what a driver must know
+    besides: how fast the neighbours go relative to it, their nearness 10 / (10 + gap), for a
+    network sees gaps in units of their spread of hundreds of metres, and what is left of way and
+    time. Actions are acceleration and steering, as highway-env's ``ContinuousAction``; positive is
+    ahead and to the left. The reward is the way gained, 50 in all. An episode is terminated at the
+    goal, on a collision and off the road; the last two cost 1. Off the road is a vehicle whose
+    centre is.
+    """
+
+    name = 'highway'
+    scenarios = FULL
+    columns = (
+        Column('v_x', 'm/s'),
+        Column('v_y', 'm/s'),
+        *(Column(name, 'm', 0.0, FAR) for name in NAMES[2:8]),
+        Column('d_left', 'm'),
+        Column('d_right', 'm'),
+        *(Column(f'v_rel{i}', 'm/s') for i in _SIXTH),
+        *(Column(f'near{i}', '1', 0.0, 1.0) for i in _SIXTH),
+        Column('goal_distance', 'm'),
+        Column('time_left', 's', 0.0, _SECONDS),
+    )
+    action_columns = (
+        Column('acceleration', low=-1.0, high=1.0),
+        Column('steering', low=-1.0, high=1.0),
+    )
+    step_seconds = STEP_SECONDS
+    max_episode_steps = round(_SECONDS / STEP_SECONDS)
+    state_names = (
+        '_rngs',
+        '_steps',
+        '_goal',
+        '_number',
+        *(
+            f'traffic.{name}'
+            for name in (
+                'real',
+                'whole',
+                'lanes',
+                'ahead',
+                'behind',
+                'colliding',
+                'about_to_collide',
+                'cos',
+                'sin',
+            )
+        ),
+    )
+
+    def __init__(self, num_envs: int, *, threads: int = 0) -> None:
+        self.num_envs = num_envs
+        self.traffic = Traffic(num_envs, TRAFFIC + 1)
+        self._rngs = robot_generators(None, num_envs)
+        self._rows = np.arange(num_envs)
+        self._steps = np.zeros(num_envs, dtype=np.int64)
+        self._number = np.zeros(num_envs, dtype=np.int64)
+        self._goal = np.zeros(num_envs)
+
+    @property
+    def scenario_numbers(self) -> np.ndarray:
+        """(N,) int, the scenario that each robot is in."""
+        return self._number.copy()
+
+    def reset(
+        self, *, seed: int | None = None, mask: np.ndarray | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Start new episodes in scenarios drawn at random; see :meth:`World.reset`."""
+        rows = selected_rows(mask, self.num_envs)
+        if seed is not None:
+            self._rngs = robot_generators(seed, self.num_envs)
+        return self.start(rows, [int(self._rngs[row].integers(self.scenarios)) for row in rows])
+
+    def start(self, rows: np.ndarray, numbers: list[int]) -> tuple[np.ndarray, dict[str, Any]]:
+        """Start new episodes in given scenarios.
+
+        Args:
+            rows: (n,) int, the robots.
+            numbers: n numbers of scenarios.
+
+        Returns:
+            As :meth:`reset`.
+        """
+        self.traffic.start(rows, [scenario(number) for number in numbers])
+        self._number[rows] = numbers
+        self._steps[rows] = 0
+        self._goal[rows] = self.traffic.ego_state(X)[rows] + GOAL_DISTANCE
+        return self._seen()
+
+    def step(
+        self, action: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """Advance every robot by one step; see :meth:`World.step`.
+
+        ``info`` also says why an episode ended: ``collision``, ``off_road`` and ``goal``, (N,) bool.
+        """
+        chosen = checked_action(action, self.num_envs, ('acceleration', 'steering'))
+        before = self.traffic.ego_state(X)
+        # To highway-env the right is positive.
+        self.traffic.step(ACCELERATION_RANGE * chosen[:, 0], -STEERING_RANGE * chosen[:, 1])
+        self._steps += 1
+        reward = GOAL_REWARD / GOAL_DISTANCE * (self.traffic.ego_state(X) - before)
+        observation, info = self._seen()
+        terminated = info['collision'] | info['off_road'] | info['goal']
+        truncated = ~terminated & (self._steps >= self.max_episode_steps)
+        return observation, reward, terminated, truncated, info
+
+    def _seen(self) -> tuple[np.ndarray, dict[str, Any]]:
+        traffic, rows = self.traffic, self._rows
+        ego = traffic.ego
+        known = features(traffic, ego, rows)
+        gaps, relative = known[:, 2:8], neighbours(traffic, ego, rows)[1]
+        left = self._goal - traffic.ego_state(X)
+        seconds = _SECONDS - STEP_SECONDS * self._steps
+        observation = np.column_stack(
+            [known, relative, _HALF_NEAR / (_HALF_NEAR + gaps), left, seconds]
+        ).astype(np.float32)
+        collision = traffic.colliding.copy()
+        off_road = (known[:, 8:] < 0.0).any(axis=1)
+        ended = collision | off_road
+        return observation, {
+            'true_cost': ended.astype(np.float64),
+            'collision': collision,
+            'off_road': off_road,
+            'goal': (left <= 0.0) & ~ended,
+        }
+
+
+class RestrictedHighway(Highway):
+    """The same with the first 52 scenarios only, the paper's restricted set."""
+
+    name = 'highway_restricted'
+    scenarios = RESTRICTED

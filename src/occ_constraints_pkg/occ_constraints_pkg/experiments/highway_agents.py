@@ -8,34 +8,33 @@ from typing import Any
 
 import numpy as np
 
-from occ_constraints_pkg.worlds.highway import GOAL_DISTANCE, GOAL_REWARD, Highway
+from occ_constraints_pkg.agents.rule_cost import RuleCost
+from occ_constraints_pkg.rules.constraints_file import Constraints
+from occ_constraints_pkg.worlds.highway import Highway
 from occ_constraints_pkg.worlds.highway_features import NAMES
+from occ_constraints_pkg.worlds.stream import StepBatch
 
-OUTCOMES = ('episodes', 'collision', 'off_road', 'goal', 'return')
+OUTCOMES = ('episodes', 'collision', 'off_road', 'return')
 """What is counted: episodes, how many ended in which way, and the sum of their returns."""
 
-# Coefficients of CommonRoad-RL's hybrid reward; see docs/driving.md. A metre towards the goal.
-_CLOSER = 0.5
-_TERMINAL = {'goal': 50.0, 'collision': -30.0, 'off_road': -50.0}
-_TIME_OUT = -10.0
+# Coefficients of CommonRoad-RL's hybrid reward; see docs/driving.md.
+_TERMINAL = {'collision': -30.0, 'off_road': -50.0}
 _SAFE_DISTANCE, _SAFE_DECAY, _SAFE_BRAKING, _SAFE_LEAST = -1.0, 5.0, 11.5, 4.0
-# All of it is scaled so that the way to the goal counts as in the world's own reward.
-_SCALE = GOAL_REWARD / (GOAL_DISTANCE * _CLOSER)
 
 _V_X, _AHEAD = NAMES.index('v_x'), NAMES.index('p_rel4')
 _AHEAD_RELATIVE = [column.name for column in Highway.columns].index('v_rel4')
 
 
 class CountedHighway(Highway):
-    """Counts finished episodes; with ``engineered`` the learner is given the hybrid reward.
+    """Counts finished episodes; with ``engineered`` the learner is given a safer reward.
 
     Attributes:
-        totals: (5,) float64, see :data:`OUTCOMES`; returns are those of the world's own reward.
+        totals: (4,) float64, see :data:`OUTCOMES`; returns are those of the world's own reward.
 
     Args:
         num_envs: number of robots.
         scenarios: how many scenarios there are to draw from.
-        engineered: give the hybrid reward instead of the world's own.
+        engineered: add :func:`safety_reward` to the world's own.
     """
 
     state_names = (*Highway.state_names, 'totals', '_returns', '_open')
@@ -57,10 +56,10 @@ class CountedHighway(Highway):
         self._returns += reward
         done = (terminated | truncated) & self._open
         self._open &= ~done
-        ended = [done & info[name] for name in ('collision', 'off_road', 'goal')]
-        self.totals += [done.sum(), *(mask.sum() for mask in ended), self._returns[done].sum()]
+        collided, left = done & info['collision'], done & info['off_road']
+        self.totals += [done.sum(), collided.sum(), left.sum(), self._returns[done].sum()]
         if self._engineered:
-            reward = hybrid_reward(observation, reward, truncated, info)
+            reward = reward + safety_reward(observation, info)
         return observation, reward, terminated, truncated, info
 
     def start(self, rows: np.ndarray, numbers: list[int]) -> tuple[np.ndarray, dict[str, Any]]:
@@ -69,24 +68,39 @@ class CountedHighway(Highway):
         return super().start(rows, numbers)
 
 
-def hybrid_reward(
-    observation: np.ndarray, progress: np.ndarray, truncated: np.ndarray, info: dict[str, Any]
-) -> np.ndarray:
-    """Return CommonRoad-RL's hybrid reward, (N,) scaled to the world's own.
+class LastingRuleCost(RuleCost):
+    """Costs from rules; an episode that ends in a violation counts as violated to the end of time.
 
-    The way gained, the end of the episode, and a penalty for following too closely. Terms of the
-    goal's time, orientation and speed are paid at the goal only and are left out, as are those of
-    a reference path, which a highway does not have.
+    A collision ends an episode. Were only the states before it counted, the surest way to few
+    violations would be an early one.
+
+    Args:
+        constraints: the rules.
+        world: the world whose steps are judged; it tells how much time was left.
+    """
+
+    def __init__(self, constraints: Constraints, world: Highway) -> None:
+        super().__init__(constraints, world)
+        self._world = world
+
+    def __call__(self, batch: StepBatch) -> np.ndarray:
+        """Return (N,) 1.0 where a state is not SAFE, and as many more as steps have been lost."""
+        cost = super().__call__(batch)
+        return cost * np.where(batch.terminated, 1.0 + self._world.steps_left, 1.0)
+
+
+def safety_reward(observation: np.ndarray, info: dict[str, Any]) -> np.ndarray:
+    """Return the part of CommonRoad-RL's hybrid reward that is about safety, (N,).
+
+    Penalties for a collision, for leaving the road and for following too closely: below the
+    distance that braking to the speed of the car ahead takes, exponentially.
 
     Args:
         observation: (N, k) states just reached.
-        progress: (N,) the world's own reward.
-        truncated: (N,) bool, time is up.
         info: what the world's step told.
     """
     speed, gap = observation[:, _V_X], observation[:, _AHEAD]
     ahead = speed + observation[:, _AHEAD_RELATIVE]
     wanted = np.maximum((speed**2 - ahead**2) / (2 * _SAFE_BRAKING), _SAFE_LEAST)
     close = np.where(gap < wanted, _SAFE_DISTANCE * np.exp(-_SAFE_DECAY * gap / wanted), 0.0)
-    terminal = sum(value * info[name] for name, value in _TERMINAL.items())
-    return progress + _SCALE * (terminal + _TIME_OUT * truncated + close)
+    return close + sum(value * info[name] for name, value in _TERMINAL.items())

@@ -61,7 +61,7 @@ def summary(lines: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
             row = {'set': group[0], 'agent': group[1], 'acting': acting, 'seeds': len(parts)}
             row |= {'episodes': episodes, 'return': float(returns.mean())}
             row['return_ci95'] = half if np.isfinite(half) else None
-            for name in (*RATES, 'goal'):
+            for name in RATES:
                 count = sum(part[name] for part in parts)
                 row[name] = count / episodes
                 row[f'{name}_interval'] = list(wilson(count, episodes))
@@ -71,12 +71,12 @@ def summary(lines: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
 
 def markdown(rows: Sequence[Mapping[str, Any]]) -> str:
     """Return the summary as a Markdown table, rates in percent with their 95 % intervals."""
-    heads = ['set', 'agent', 'actions', 'return', *RATES.values(), 'goal reached']
+    heads = ['set', 'agent', 'actions', 'return', *RATES.values()]
     text = [f'| {" | ".join(heads)} |', '|---' * len(heads) + '|']
     for row in rows:
         half = '' if row['return_ci95'] is None else f' ± {row["return_ci95"]:.1f}'
         entries = [row['set'], row['agent'], row['acting'], f'{row["return"]:.1f}{half}']
-        for name in (*RATES, 'goal'):
+        for name in RATES:
             low, high = row[f'{name}_interval']
             entries.append(f'{100 * row[name]:.1f} % ({100 * low:.1f} to {100 * high:.1f})')
         text.append(f'| {" | ".join(entries)} |')

@@ -9,18 +9,16 @@ from typing import Any
 import numpy as np
 
 from occ_constraints_pkg.worlds.base import Column, World
-from occ_constraints_pkg.worlds.highway_features import FAR, NAMES, features, neighbours
+from occ_constraints_pkg.worlds.highway_features import FAR, NAMES, surroundings
 from occ_constraints_pkg.worlds.highway_scenarios import FULL, RESTRICTED, TRAFFIC, scenario
-from occ_constraints_pkg.worlds.highway_traffic import STEP_SECONDS, Traffic, X
+from occ_constraints_pkg.worlds.highway_traffic import STEP_SECONDS, Traffic
 from occ_constraints_pkg.worlds.robots import checked_action, robot_generators, selected_rows
 
 ACCELERATION_RANGE = 5.0
 # At 30 m/s this is 9 m/s^2 sideways, about what tyres hold.
 STEERING_RANGE = 0.05
-# A mean of 27.5 m/s, about as fast as the traffic would like to go.
-GOAL_DISTANCE = 1100.0
-# CommonRoad-RL's reward for reaching the goal, here paid along the way.
-GOAL_REWARD = 50.0
+# Reward grows from the first of these speeds to the second, as in highway-env; in m/s.
+REWARDED_SPEEDS = (20.0, 30.0)
 _SECONDS = 40.0
 _SIXTH = range(6)
 # A gap of so many m gives a nearness of a half.
@@ -28,15 +26,15 @@ _HALF_NEAR = 10.0
 
 
 class Highway(World):
-    """Get 1100 m down a highway within 40 s, without touching anyone and without leaving the road.
+    """Drive fast for 40 s, without touching anyone and without leaving the road.
 
     Observations are the ten features of the paper and, after these, what a driver must know
-    besides: how fast the neighbours go relative to it, their nearness 10 / (10 + gap), for a
-    network sees gaps in units of their spread of hundreds of metres, and what is left of way and
-    time. Actions are acceleration and steering, as highway-env's ``ContinuousAction``; positive is
-    ahead and to the left. The reward is the way gained, 50 in all. An episode is terminated at the
-    goal, on a collision and off the road; the last two cost 1. Off the road is a vehicle whose
-    centre is.
+    besides: how fast the neighbours go relative to it, and their nearness 10 / (10 + gap), for a
+    network sees gaps in units of their spread of hundreds of metres. Actions are acceleration and
+    steering, as highway-env's ``ContinuousAction``; positive is ahead and to the left. The reward
+    of a second is 0 up to 20 m/s along the road, 1 from 30 m/s on and linear between, as the
+    high-speed term of highway-env: an episode brings at most 40. A collision terminates it and so
+    does leaving the road, which the centre of the car must not; both cost 1.
     """
 
     name = 'highway'
@@ -49,8 +47,6 @@ class Highway(World):
         Column('d_right', 'm'),
         *(Column(f'v_rel{i}', 'm/s') for i in _SIXTH),
         *(Column(f'near{i}', '1', 0.0, 1.0) for i in _SIXTH),
-        Column('goal_distance', 'm'),
-        Column('time_left', 's', 0.0, _SECONDS),
     )
     action_columns = (
         Column('acceleration', low=-1.0, high=1.0),
@@ -61,7 +57,6 @@ class Highway(World):
     state_names = (
         '_rngs',
         '_steps',
-        '_goal',
         '_number',
         *(
             f'traffic.{name}'
@@ -86,12 +81,16 @@ class Highway(World):
         self._rows = np.arange(num_envs)
         self._steps = np.zeros(num_envs, dtype=np.int64)
         self._number = np.zeros(num_envs, dtype=np.int64)
-        self._goal = np.zeros(num_envs)
 
     @property
     def scenario_numbers(self) -> np.ndarray:
         """(N,) int, the scenario that each robot is in."""
         return self._number.copy()
+
+    @property
+    def steps_left(self) -> np.ndarray:
+        """(N,) int, steps that each robot has left of its 40 s."""
+        return self.max_episode_steps - self._steps
 
     def reset(
         self, *, seed: int | None = None, mask: np.ndarray | None = None
@@ -115,7 +114,6 @@ class Highway(World):
         self.traffic.start(rows, [scenario(number) for number in numbers])
         self._number[rows] = numbers
         self._steps[rows] = 0
-        self._goal[rows] = self.traffic.ego_state(X)[rows] + GOAL_DISTANCE
         return self._seen()
 
     def step(
@@ -123,37 +121,33 @@ class Highway(World):
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Advance every robot by one step; see :meth:`World.step`.
 
-        ``info`` also says why an episode ended: ``collision``, ``off_road`` and ``goal``, (N,) bool.
+        ``info`` also says why an episode was terminated: ``collision`` and ``off_road``, (N,) bool.
         """
         chosen = checked_action(action, self.num_envs, ('acceleration', 'steering'))
-        before = self.traffic.ego_state(X)
         # To highway-env the right is positive.
         self.traffic.step(ACCELERATION_RANGE * chosen[:, 0], -STEERING_RANGE * chosen[:, 1])
         self._steps += 1
-        reward = GOAL_REWARD / GOAL_DISTANCE * (self.traffic.ego_state(X) - before)
         observation, info = self._seen()
-        terminated = info['collision'] | info['off_road'] | info['goal']
+        low, high = REWARDED_SPEEDS
+        speed = observation[:, 0].astype(np.float64)
+        reward = STEP_SECONDS * np.clip((speed - low) / (high - low), 0.0, 1.0)
+        terminated = info['collision'] | info['off_road']
         truncated = ~terminated & (self._steps >= self.max_episode_steps)
         return observation, reward, terminated, truncated, info
 
     def _seen(self) -> tuple[np.ndarray, dict[str, Any]]:
         traffic, rows = self.traffic, self._rows
         ego = traffic.ego
-        known = features(traffic, ego, rows)
-        gaps, relative = known[:, 2:8], neighbours(traffic, ego, rows)[1]
-        left = self._goal - traffic.ego_state(X)
-        seconds = _SECONDS - STEP_SECONDS * self._steps
-        observation = np.column_stack(
-            [known, relative, _HALF_NEAR / (_HALF_NEAR + gaps), left, seconds]
-        ).astype(np.float32)
+        known, relative = surroundings(traffic, ego, rows)
+        gaps = known[:, 2:8]
+        nearness = _HALF_NEAR / (_HALF_NEAR + gaps)
+        observation = np.column_stack([known, relative, nearness]).astype(np.float32)
         collision = traffic.colliding.copy()
         off_road = (known[:, 8:] < 0.0).any(axis=1)
-        ended = collision | off_road
         return observation, {
-            'true_cost': ended.astype(np.float64),
+            'true_cost': (collision | off_road).astype(np.float64),
             'collision': collision,
             'off_road': off_road,
-            'goal': (left <= 0.0) & ~ended,
         }
 
 

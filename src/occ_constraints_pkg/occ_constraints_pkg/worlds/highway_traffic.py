@@ -78,10 +78,6 @@ class Traffic:
         """(N,) int, row of the ego in each scene."""
         return np.argmin(self.whole[IDENTITY], axis=0)
 
-    def ego_state(self, field: int) -> np.ndarray:
-        """(N,) a row of :attr:`real` for the egos, for example ``X``."""
-        return self.real[field][self.ego, self._columns]
-
     def start(self, scenes: np.ndarray, scenarios: Sequence[Scenario]) -> None:
         """Put scenarios into some of the scenes.
 

@@ -16,5 +16,6 @@ BENCHMARKS = {
     'train': 'the same for longer, and occ train with the true cost',
     'rules': 'judging by rules beside a decision tree of scikit-learn',
     'bags': 'features of a bag beside its messages deserialized by rosbags',
+    'highway': 'the world highway beside highway-env',
     'worlds': 'the Safety-Gym tasks beside a bare loop of MuJoCo steps',
 }

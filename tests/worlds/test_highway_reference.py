@@ -16,7 +16,7 @@ def test_traffic_alone_drives_as_in_highway_env_for_40_s():
     assert found.steps == 200
     assert found.lane_changes > 5
     assert found.position < 1e-9
-    assert found.features < 1e-9
+    assert found.surroundings < 1e-9
     assert found.ends_differ == 0
 
 
@@ -29,7 +29,7 @@ def test_with_an_ego_that_swerves_and_brakes_all_is_the_same_up_to_its_end():
     found = compare([0, 4, 8], actions=actions, steps=60)
     assert found.steps > 60
     assert found.position < 1e-9
-    assert found.features < 1e-9
+    assert found.surroundings < 1e-9
     assert found.ends_differ == 0
     assert found.collisions >= 1
     assert found.off_road >= 1

@@ -20,8 +20,10 @@ from occ_constraints_pkg.agents.training import TrainingDirectory, TrueCost, rea
 from occ_constraints_pkg.bags.feature_map import load_feature_map
 from occ_constraints_pkg.experiments.conditions import machine, versions
 from occ_constraints_pkg.experiments.highway_agents import OUTCOMES, CountedHighway, LastingRuleCost
+from occ_constraints_pkg.experiments.highway_fidelity import drive_both
 from occ_constraints_pkg.files import make_directory, replacing
 from occ_constraints_pkg.learning.learn import learn
+from occ_constraints_pkg.report.highway_film import draw_drives, drive_through
 from occ_constraints_pkg.report.highway_results import draw_curves, markdown, summary
 from occ_constraints_pkg.rules.constraints_file import Constraints, load_constraints
 from occ_constraints_pkg.worlds.highway_demonstrations import traffic_drives
@@ -48,6 +50,8 @@ class HighwaySettings:
         robots: robots simulated at once.
         cost_limit: for ``ours``: a number or ``demonstrations``.
         episodes: fresh episodes over which each policy is judged.
+        in_highway_env: scenarios that the policies of the first seed drive in highway-env as well.
+        drawn: the scenario whose drives are drawn.
         rules: a constraints file for ``ours``; ``None``: rules are learned from the traffic.
         learner: settings of the learner.
     """
@@ -59,6 +63,8 @@ class HighwaySettings:
     robots: int = 256
     cost_limit: float | str = 'demonstrations'
     episodes: int = 1000
+    in_highway_env: int = 10
+    drawn: int = 7
     rules: str | None = None
     learner: Mapping[str, Any] = field(default_factory=lambda: LEARNER)
 
@@ -76,7 +82,8 @@ def run_highway(
     resumed, and those that are complete are not judged again.
 
     Args:
-        output: directory for rules, trainings, ``highway.json``, ``highway.md``, ``highway.png``.
+        output: directory for rules and trainings, ``highway.json``, ``highway.md``, the curves in
+            ``highway.png`` and drives in ``highway_drives.png`` and ``highway_drives.gif``.
         settings: what to run.
         progress: called with the robot steps made and to make.
         is_stopped: asked now and then; ``True`` ends the run there, saved.
@@ -107,9 +114,7 @@ def run_highway(
             agent,
             seed,
             rules,
-            progress=lambda steps, done=done: progress(
-                done + steps, len(jobs) * settings.steps
-            ),
+            progress=lambda steps, done=done: progress(done + steps, len(jobs) * settings.steps),
             is_stopped=is_stopped,
         )
         if is_stopped():
@@ -117,6 +122,10 @@ def run_highway(
         judged = folder / 'judged.json'
         if not judged.exists():
             result = judge(folder / 'policy.npz', SETS[name], settings.episodes)
+            if seed == 0:
+                policy = GaussianPolicy.load(folder / 'policy.npz')
+                numbers = range(settings.in_highway_env)
+                result['in_highway_env'] = asdict(drive_both(policy, numbers))
             with replacing(judged) as draft:
                 draft.write_text(json.dumps(result, indent=1) + '\n', encoding='utf-8')
         lines.append(
@@ -140,6 +149,7 @@ def run_highway(
     with replacing(output / 'highway.md') as draft:
         draft.write_text(markdown(document['summary']), encoding='utf-8')
     draw_curves(output / 'highway.png', lines)
+    _draw_drives(output, settings)
     return document
 
 
@@ -229,6 +239,24 @@ def train_agent(
         resumed=resumed,
         is_stopped=is_stopped,
     )
+
+
+def _draw_drives(output: Path, settings: HighwaySettings) -> None:
+    """Draw what the agents of the first seed do in the same scenario, as a strip and as a film."""
+    name = settings.sets[0]
+    policies = {
+        agent: output / name / agent.replace(' ', '_') / 'seed_0' / 'policy.npz'
+        for agent in settings.agents
+    }
+    drives = {
+        agent: drive_through(GaussianPolicy.load(path).act, settings.drawn)
+        for agent, path in policies.items()
+        if path.exists()
+    }
+    if drives:
+        rules = rules_for(output, name, settings.rules)
+        for suffix in ('png', 'gif'):
+            draw_drives(output / f'highway_drives.{suffix}', drives, rules)
 
 
 def judge(policy: Path, scenarios: int, episodes: int) -> dict[str, dict[str, float]]:

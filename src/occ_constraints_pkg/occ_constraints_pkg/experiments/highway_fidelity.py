@@ -9,8 +9,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from occ_constraints_pkg.worlds.highway import ACCELERATION_RANGE, STEERING_RANGE, Highway
-from occ_constraints_pkg.worlds.highway_features import features
+from occ_constraints_pkg.agents.policy import GaussianPolicy
+from occ_constraints_pkg.worlds.highway import (
+    ACCELERATION_RANGE,
+    STEERING_RANGE,
+    Highway,
+    observed,
+)
+from occ_constraints_pkg.worlds.highway_features import surroundings
 from occ_constraints_pkg.worlds.highway_reference import ReferenceHighway
 from occ_constraints_pkg.worlds.highway_scenarios import TRAFFIC, scenario
 from occ_constraints_pkg.worlds.highway_traffic import (
@@ -32,7 +38,7 @@ class Fidelity:
     Attributes:
         steps: steps compared, over all scenarios.
         position: largest difference of any vehicle's position, in m.
-        features: largest difference of any of the ego's ten features, in m and m/s.
+        surroundings: largest difference of what the ego knows of gaps, edges and speeds, in m and m/s.
         ends_differ: scenarios in which the ego's drive ended at another step or otherwise.
         lane_changes: lane changes that began in the traffic.
         collisions: drives that ended with a collision in both.
@@ -41,7 +47,7 @@ class Fidelity:
 
     steps: int
     position: float
-    features: float
+    surroundings: float
     ends_differ: int
     lane_changes: int
     collisions: int
@@ -88,8 +94,9 @@ def compare(
         states = np.stack(
             [_by_identity(traffic, traffic.real[i]) for i in (X, Y, HEADING, SPEED)], axis=-1
         )
-        known = features(traffic, traffic.ego, scenes)
+        known, relative = surroundings(traffic, traffic.ego, scenes)
         off_road = (known[:, 8:] < 0.0).any(axis=1)
+        known = np.concatenate([known, relative], axis=1)
         for index in sorted(open_scenes):
             reference = references[index]
             if controlled:
@@ -105,17 +112,70 @@ def compare(
                 continue
             compared += 1
             apart = np.abs(states[:, index] - reference.states())[:, :2].max()
-            differences.append((apart, np.abs(known[index] - reference.features()).max()))
-    position, feature = np.max(differences, axis=0)
+            differences.append(
+                (apart, np.abs(known[index] - np.concatenate(reference.surroundings())).max())
+            )
+    position, known_apart = np.max(differences, axis=0)
     return Fidelity(
         compared,
         float(position),
-        float(feature),
+        float(known_apart),
         sum(ours != theirs for ours, theirs in ends),
         changes,
         sum(ours == theirs and ours[0] for ours, theirs in ends),
         sum(ours == theirs and ours[1] for ours, theirs in ends),
     )
+
+
+@dataclass(frozen=True)
+class Ends:
+    """How drives of a policy end in highway-env.
+
+    Attributes:
+        drives: number of drives.
+        alike: those that end after the same step and for the same reason in the batched world.
+        collision: drives that end with a collision in highway-env.
+        off_road: drives that end off the road in highway-env.
+    """
+
+    drives: int
+    alike: int
+    collision: int
+    off_road: int
+
+
+def drive_both(policy: GaussianPolicy, numbers: Sequence[int]) -> Ends:
+    """Let a policy drive, by the mean of its actions, in highway-env and in the batched world.
+
+    Args:
+        policy: of the world ``highway``.
+        numbers: of the scenarios, driven to the end.
+    """
+    n = len(numbers)
+    world = Highway(n)
+    observation, _ = world.start(np.arange(n), list(numbers))
+    ours: dict[int, tuple[int, bool, bool]] = {}
+    for step in range(1, Highway.max_episode_steps + 1):
+        observation, _, terminated, truncated, info = world.step(policy.act(observation))
+        for row in np.flatnonzero(terminated | truncated):
+            end = step, bool(info['collision'][row]), bool(info['off_road'][row])
+            ours.setdefault(int(row), end)
+    alike = collisions = left = 0
+    for row, number in enumerate(numbers):
+        reference = ReferenceHighway(
+            scenario(number),
+            steering_range=STEERING_RANGE,
+            duration=Highway.max_episode_steps * STEP_SECONDS,
+        )
+        for step in range(1, Highway.max_episode_steps + 1):
+            seen = observed(*(part[None] for part in reference.surroundings()))
+            *_, ended, _, _ = reference.step(policy.act(seen)[0] * (1.0, -1.0))
+            if ended:
+                break
+        end = step, bool(reference.vehicle.crashed), not reference.vehicle.on_road
+        alike += end == ours[row]
+        collisions, left = collisions + end[1], left + end[2]
+    return Ends(n, alike, collisions, left)
 
 
 def _by_identity(traffic: Traffic, values: np.ndarray) -> np.ndarray:

@@ -139,9 +139,7 @@ class Highway(World):
         traffic, rows = self.traffic, self._rows
         ego = traffic.ego
         known, relative = surroundings(traffic, ego, rows)
-        gaps = known[:, 2:8]
-        nearness = _HALF_NEAR / (_HALF_NEAR + gaps)
-        observation = np.column_stack([known, relative, nearness]).astype(np.float32)
+        observation = observed(known, relative)
         collision = traffic.colliding.copy()
         off_road = (known[:, 8:] < 0.0).any(axis=1)
         return observation, {
@@ -149,6 +147,17 @@ class Highway(World):
             'collision': collision,
             'off_road': off_road,
         }
+
+
+def observed(known: np.ndarray, relative: np.ndarray) -> np.ndarray:
+    """Return observations, (n, 22) float32.
+
+    Args:
+        known: (n, 10) the features of the paper.
+        relative: (n, 6) speeds of the neighbours relative to the robot's own, in m/s.
+    """
+    nearness = _HALF_NEAR / (_HALF_NEAR + known[:, 2:8])
+    return np.column_stack([known, relative, nearness]).astype(np.float32)
 
 
 class RestrictedHighway(Highway):

@@ -10,6 +10,7 @@ from highway_env.envs.highway_env import HighwayEnvFast
 from highway_env.road.road import Road, RoadNetwork
 from highway_env.vehicle.behavior import IDMVehicle
 
+from occ_constraints_pkg.worlds.highway_features import FAR
 from occ_constraints_pkg.worlds.highway_scenarios import LANE_WIDTH, SPEED_LIMIT, Scenario
 from occ_constraints_pkg.worlds.highway_traffic import STEP_SECONDS
 
@@ -83,19 +84,24 @@ class ReferenceHighway(HighwayEnvFast):
         """Advance by one step with no action."""
         self._simulate(None)
 
-    def features(self) -> np.ndarray:
-        """Return the ten features of the ego by highway-env's own means, (10,) in m/s and m."""
+    def surroundings(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return what the ego knows by highway-env's own means, in m and m/s.
+
+        Returns:
+            (10,) the features of the paper, and (6,) speeds of the neighbours relative to its own.
+        """
         ego, (origin, end, lane) = self.vehicle, self.vehicle.lane_index
-        half = (ego.LENGTH + ego.LENGTH) / 2
-        gaps = np.full((2, 3), 500.0)
+        gaps, relative = np.full((2, 3), FAR), np.zeros((2, 3))
         for side, index in enumerate((lane - 1, lane, lane + 1)):
             if not 0 <= index < self._scenario.lanes:
                 continue
             front, rear = self.road.neighbour_vehicles(ego, (origin, end, index))
             for row, other in enumerate((rear, front)):
                 if other is not None:
-                    gap = abs(ego.lane_distance_to(other)) - half
-                    gaps[row, side] = utils.constrain(gap, 0.0, 500.0)
+                    gap = abs(ego.lane_distance_to(other)) - ego.LENGTH
+                    gaps[row, side] = utils.constrain(gap, 0.0, FAR)
+                    relative[row, side] = other.velocity[0] - ego.velocity[0]
         y = ego.position[1]
         edges = y + LANE_WIDTH / 2, LANE_WIDTH * (self._scenario.lanes - 0.5) - y
-        return np.array([ego.velocity[0], -ego.velocity[1], *gaps.ravel(), *edges])
+        known = np.array([ego.velocity[0], -ego.velocity[1], *gaps.ravel(), *edges])
+        return known, relative.ravel()

@@ -38,7 +38,7 @@ class Fidelity:
     Attributes:
         steps: steps compared, over all scenarios.
         position: largest difference of any vehicle's position, in m.
-        surroundings: largest difference of what the ego knows of gaps, edges and speeds, in m and m/s.
+        surroundings: largest difference of what the ego knows: speeds, gaps, edges; in m and m/s.
         ends_differ: scenarios in which the ego's drive ended at another step or otherwise.
         lane_changes: lane changes that began in the traffic.
         collisions: drives that ended with a collision in both.
@@ -112,9 +112,8 @@ def compare(
                 continue
             compared += 1
             apart = np.abs(states[:, index] - reference.states())[:, :2].max()
-            differences.append(
-                (apart, np.abs(known[index] - np.concatenate(reference.surroundings())).max())
-            )
+            seen = np.concatenate(reference.surroundings())
+            differences.append((apart, np.abs(known[index] - seen).max()))
     position, known_apart = np.max(differences, axis=0)
     return Fidelity(
         compared,
@@ -167,11 +166,11 @@ def drive_both(policy: GaussianPolicy, numbers: Sequence[int]) -> Ends:
             steering_range=STEERING_RANGE,
             duration=Highway.max_episode_steps * STEP_SECONDS,
         )
-        for step in range(1, Highway.max_episode_steps + 1):
+        step, ended = 0, False
+        while step < Highway.max_episode_steps and not ended:
             seen = observed(*(part[None] for part in reference.surroundings()))
             *_, ended, _, _ = reference.step(policy.act(seen)[0] * (1.0, -1.0))
-            if ended:
-                break
+            step += 1
         end = step, bool(reference.vehicle.crashed), not reference.vehicle.on_road
         alike += end == ours[row]
         collisions, left = collisions + end[1], left + end[2]

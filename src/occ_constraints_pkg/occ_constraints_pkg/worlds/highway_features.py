@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""What a vehicle on a highway knows of its neighbours and the edges, as in the paper's experiment."""
+"""What a vehicle on a highway knows of its neighbours and the edges: the paper's features."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ _FREQUENCY = round(1 / STEP_SECONDS)
 
 
 class ReferenceHighway(HighwayEnvFast):
-    """``highway-fast-v0`` with the start of a :class:`Scenario`, continuous actions and 5 decisions/s.
+    """``highway-fast-v0`` from the start of a :class:`Scenario`, with continuous actions at 5 Hz.
 
     Args:
         scenario: where everyone is at the start.

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes on a highway, seeded and named: who is where at the start, and who wants to go how fast."""
+"""Scenes on a highway, seeded and named: who is where, and who wants to go how fast."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ class HighwaySettings:
         cost_limit: for ``ours``: a number or ``demonstrations``.
         episodes: fresh episodes over which each policy is judged.
         in_highway_env: scenarios that the policies of the first seed drive in highway-env as well.
-        drawn: the scenario whose drives are drawn.
+        drawn: the scenario whose drives are drawn; ``None``: none are.
         rules: a constraints file for ``ours``; ``None``: rules are learned from the traffic.
         learner: settings of the learner.
     """
@@ -64,7 +64,7 @@ class HighwaySettings:
     cost_limit: float | str = 'demonstrations'
     episodes: int = 1000
     in_highway_env: int = 10
-    drawn: int = 7
+    drawn: int | None = 7
     rules: str | None = None
     learner: Mapping[str, Any] = field(default_factory=lambda: LEARNER)
 
@@ -149,7 +149,8 @@ def run_highway(
     with replacing(output / 'highway.md') as draft:
         draft.write_text(markdown(document['summary']), encoding='utf-8')
     draw_curves(output / 'highway.png', lines)
-    _draw_drives(output, settings)
+    if settings.drawn is not None:
+        _draw_drives(output, settings)
     return document
 
 

@@ -112,7 +112,7 @@ def draw_curves(path: Path, lines: Sequence[Mapping[str, Any]]) -> None:
         axis.set_yticks([0.0, 0.01, 0.1, 1.0], ['0', '1 %', '10 %', '100 %'])
     for axis in axes.ravel():
         axis.grid(alpha=0.3)
-    if lines:
+    if axes[0, 0].get_lines():
         axes[0, 0].legend(fontsize=8)
     figure.tight_layout()
     with replacing(path) as draft:

@@ -13,6 +13,7 @@ import highway_env
 import numpy as np
 
 from occ_constraints_pkg.experiments.conditions import machine, versions
+from occ_constraints_pkg.experiments.highway_fidelity import compare
 from occ_constraints_pkg.worlds.highway import STEERING_RANGE, Highway
 from occ_constraints_pkg.worlds.highway_reference import ReferenceHighway
 from occ_constraints_pkg.worlds.highway_scenarios import TRAFFIC, scenario
@@ -22,6 +23,8 @@ from occ_constraints_pkg.worlds.stream import EpisodeStream
 ROBOTS = (64, 256)
 # Of each form before the next has its turn, so that a change of load meets all of them.
 _BATCHED, _REFERENCE, _SHIPPED = 20, 20, 4
+# Scenarios in which positions are compared, over so many steps.
+_COMPARED, _WHOLE = 5, Highway.max_episode_steps
 # Random steering as strong as this keeps most cars on the road for a while.
 _STEERING = 0.05
 
@@ -34,9 +37,15 @@ def run(seconds: float = 10.0) -> dict[str, Any]:
     a step of it is a step of ours, 0.2 s in one step of integration. ``shipped`` is
     ``highway-fast-v0`` as it comes, with one decision a second: a step of it is five of ours.
 
+    ``position_difference_m`` is the largest difference of any vehicle's position within 40 s,
+    without and with an ego that acts at random.
+
     Args:
         seconds: least processor time of each form.
     """
+    actions = np.random.default_rng(0).uniform(-1.0, 1.0, (_WHOLE, _COMPARED, 2)) * (0.2, _STEERING)
+    alone = compare(range(_COMPARED))
+    driven = compare(range(_COMPARED), actions=actions)
     forms = {
         **{f'{count}_robots': _Batched(count) for count in ROBOTS},
         'reference': _Reference(),
@@ -52,7 +61,12 @@ def run(seconds: float = 10.0) -> dict[str, Any]:
     peers = {
         f'highway_env_{name}_env_steps_per_s': rates[name] for name in ('reference', 'shipped')
     }
-    metrics = {}
+    metrics = {
+        'position_difference_m': max(alone.position, driven.position),
+        'steps_compared': alone.steps + driven.steps,
+        'lane_changes_compared': alone.lane_changes + driven.lane_changes,
+        'drives_that_end_otherwise': alone.ends_differ + driven.ends_differ,
+    }
     for count in ROBOTS:
         rate = rates[f'{count}_robots']
         metrics[f'{count}_robots_env_steps_per_s'] = rate

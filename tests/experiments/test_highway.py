@@ -11,7 +11,6 @@ pytest.importorskip('matplotlib')
 
 from occ_constraints_pkg.agents.policy import GaussianPolicy
 from occ_constraints_pkg.experiments.highway import (
-    AGENTS,
     HighwaySettings,
     rules_for,
     run_highway,
@@ -23,16 +22,18 @@ from occ_constraints_pkg.experiments.highway_agents import (
     LastingRuleCost,
     safety_reward,
 )
+from occ_constraints_pkg.experiments.highway_fidelity import drive_both
 from occ_constraints_pkg.worlds.highway import Highway
 from occ_constraints_pkg.worlds.stream import EpisodeStream
 
 TINY = HighwaySettings(
     sets=('restricted',),
+    agents=('RL', 'ours'),
     seeds=1,
-    steps=1500,
+    steps=1100,
     robots=16,
     episodes=4,
-    in_highway_env=1,
+    in_highway_env=0,
     drawn=None,
 )
 COLUMNS = [column.name for column in Highway.columns]
@@ -101,15 +102,35 @@ def test_rules_of_the_traffic_say_how_near_is_too_near(rules):
     assert rules.coverage['held_out'] > 0.99
 
 
+def test_a_policy_drives_in_highway_env_as_in_the_batched_world():
+    columns = len(COLUMNS)
+    weight = np.zeros((columns, 2), dtype=np.float32)
+    # Full speed, and to the left or right by what is behind.
+    weight[COLUMNS.index('near1')] = 0.0, 0.3
+    policy = GaussianPolicy(
+        world='highway',
+        columns=tuple(COLUMNS),
+        action_columns=('acceleration', 'steering'),
+        observation_mean=np.zeros(columns, dtype=np.float32),
+        observation_variance=np.ones(columns, dtype=np.float32),
+        observation_clip=1e6,
+        weights=(weight,),
+        biases=(np.array([1.0, -0.03], dtype=np.float32),),
+        log_std=np.zeros(2, dtype=np.float32),
+    )
+    ends = drive_both(policy, range(4))
+    assert ends.drives == ends.alike == 4
+    assert ends.collision + ends.off_road == 4
+
+
 def test_an_experiment_leaves_table_and_figure_and_can_be_run_again(tmp_path):
     document = run_highway(tmp_path, TINY)
-    assert [line['agent'] for line in document['lines']] == list(AGENTS)
+    assert [line['agent'] for line in document['lines']] == ['RL', 'ours']
     for line in document['lines']:
         assert line['sampled']['episodes'] == line['mean']['episodes'] == 4
-        assert line['in_highway_env']['alike'] == line['in_highway_env']['drives'] == 1
         assert line['curve'][-1]['steps'] > 900
     table = (tmp_path / 'highway.md').read_text()
-    assert table.count('restricted') == 2 * len(AGENTS)
+    assert table.count('restricted') == 4
     assert (tmp_path / 'highway.png').stat().st_size > 1000
     again = run_highway(tmp_path, TINY)
     assert json.dumps(again['lines']) == json.dumps(document['lines'])

@@ -155,6 +155,34 @@ def robots(output: str, data: str | None, kinds: tuple[str, ...], as_json: bool)
 @experiment.command()
 @click.option('-o', '--output', default='results', show_default=True, type=click.Path())
 @click.option(
+    '--data',
+    type=click.Path(),
+    help='Folder of ngsim_us101 and ngsim_i80; default: driving in OCC_TEST_DATA or in '
+    '../shared/data.',
+)
+@click.option('--seeds', default=10, type=click.IntRange(min=1), show_default=True)
+@JSON
+def ngsim(output: str, data: str | None, seeds: int, as_json: bool) -> None:
+    """Learn from real drivers on highways, judge others; writes ngsim.json and ngsim.md.
+
+    \b
+    Example: occ experiment ngsim -o results
+    """
+    from occ_constraints_pkg.experiments.ngsim import run_ngsim
+
+    with progress_bar('learning') as progress:
+        result = run_ngsim(
+            Path(output), folder=Path(data) if data else None, seeds=seeds, progress=progress
+        )
+    if as_json:
+        print_json(result)
+        return
+    click.echo((Path(output) / 'ngsim.md').read_text(encoding='utf-8'))
+
+
+@experiment.command()
+@click.option('-o', '--output', default='results', show_default=True, type=click.Path())
+@click.option(
     '--episodes', default=50, type=click.IntRange(min=2), show_default=True, help='For the means.'
 )
 @click.option(

@@ -143,7 +143,7 @@ CREATE TABLE Spec (key TEXT PRIMARY KEY, value TEXT);
 CREATE TABLE Vehicle (id INTEGER PRIMARY KEY, type INTEGER, length, width, height REAL,
                       is_ego_vehicle INTEGER);
 CREATE TABLE Trajectory (vehicle_id INTEGER, sim_time, position_x, position_y, heading_rad, speed,
-                         lane_id, PRIMARY KEY (vehicle_id, sim_time));
+                         lane_id);
 """
 EAST = 4.71238898038469
 

@@ -53,6 +53,20 @@ def test_the_tutorial_on_recordings_of_a_robot(occ, tmp_path):
     _assert_shows(shown_map, (tmp_path / 'my_robot.yaml').read_text())
 
 
+def test_recordings_of_traffic(occ, tmp_path):
+    driving = Path(os.environ.get('OCC_TEST_DATA', ROOT.parent / 'shared' / 'data')) / 'driving'
+    if not driving.is_dir():
+        pytest.skip(f'no test data at {driving}; set OCC_TEST_DATA')
+    (tmp_path / 'driving').symlink_to(driving.resolve())
+    text = (DOCS / 'driving.md').read_text(encoding='utf-8')
+    ((commands, shown),) = STEPS.findall(text)
+    _assert_shows(shown, ''.join(occ(line)[1] for line in _lines(commands, tmp_path)))
+    table = re.findall(r'^(\| .* \| `.*` \| [^|]* \|)', text, re.MULTILINE)
+    assert len(table) == 18
+    results = (DOCS / 'results' / 'ngsim.md').read_text(encoding='utf-8').splitlines()
+    assert [line for line in table if line not in results] == []
+
+
 def _lines(commands, folder):
     """Return the arguments of each command, with patterns of file names filled in."""
     for command in commands.replace('\\\n', ' ').strip().splitlines():

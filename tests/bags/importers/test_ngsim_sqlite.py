@@ -77,6 +77,10 @@ MALFORMED = {
         r"row of sim_time 0, column 'vehicle_id': got 77, which the table Vehicle does not have",
     ),
     'no vehicles': ('DELETE FROM Vehicle', r"column 'vehicle_id': got 1, which the table Vehicle"),
+    'twice at once': (
+        'UPDATE Trajectory SET sim_time = 0.2 WHERE vehicle_id = 2 AND sim_time = 0.3',
+        r'table Trajectory has vehicle_id 2 twice at sim_time 0.2; allowed is one row',
+    ),
     'no rows': ('DELETE FROM Trajectory', r'the table Trajectory has no rows; allowed are one'),
     'source': (
         "UPDATE Spec SET value = 'Waymo' WHERE key = 'source_type'",

@@ -42,8 +42,9 @@ def import_(format_name: str, path: str, output: str, keep_gaps: bool, as_json: 
     if as_json:
         print_json({'output': output, 'format': format_name, **asdict(result)})
         return
+    drives = '1 drive' if result.drives == 1 else f'{result.drives} drives'
     click.echo(
-        f'{output}: {result.drives} drives, {result.rows} rows, {result.seconds:.1f} s; '
+        f'{output}: {drives}, {result.rows} rows, {result.seconds:.1f} s; '
         f'features {", ".join(result.features)}'
     )
     click.echo(f'Learn from it with: occ learn {output} -m {result.feature_map}')

@@ -149,6 +149,12 @@ def _traffic(path: Path, spec: dict[Any, Any], sizes: np.ndarray, rows: np.ndarr
     check_lane_width(f"{path}: table Spec, key 'map_lane_width'", width)
     vehicle, time, speed, lane = rows[:, 0].astype(np.int64), rows[:, 1], rows[:, 5], rows[:, 6]
     size = _sizes_of(path, sizes, vehicle, time)
+    again = np.flatnonzero((np.diff(vehicle) == 0) & (np.diff(time) <= 0.0))
+    if len(again):
+        raise OccError(
+            f'{path}: table Trajectory has vehicle_id {vehicle[again[0]]} twice at sim_time '
+            f'{time[again[0]]:g}; allowed is one row for each moment'
+        )
     unknown = (lane < 1) | (lane != np.floor(lane))
     if unknown.any():
         row = int(np.argmax(unknown))

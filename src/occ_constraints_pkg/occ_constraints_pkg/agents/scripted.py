@@ -170,5 +170,7 @@ DRIVERS: dict[str, dict[str, Callable[[np.random.Generator], Driver]]] = {
         'avoider': _deterministic(avoider, 'CarPush1'),
         'expert': _deterministic(avoider, 'CarPush1'),
     },
+    'highway': {'random': _Random},
+    'highway_restricted': {'random': _Random},
 }
 """The drivers that :func:`make_driver` knows, by world and name."""

@@ -14,6 +14,7 @@ from occ_constraints_pkg.cli.common import (
     DATA,
     FEATURE_MAP_HELP,
     JSON,
+    checked_cost_limit,
     end_tidily,
     needed_cost,
     print_json,
@@ -23,6 +24,7 @@ from occ_constraints_pkg.cli.tree_options import seed_option, tree_options, tree
 from occ_constraints_pkg.errors import import_needed
 from occ_constraints_pkg.experiments.benchmarks import BENCHMARKS
 from occ_constraints_pkg.files import make_directory, replacing
+from occ_constraints_pkg.stopping import stop_request
 
 
 @click.command()
@@ -210,6 +212,47 @@ def worlds(output: str, episodes: int, data: str | None, as_json: bool) -> None:
         print_json(result)
         return
     click.echo(table)
+
+
+@experiment.command()
+@click.option('-o', '--output', default='highway', show_default=True, type=click.Path())
+@click.option(
+    '--set',
+    'sets',
+    multiple=True,
+    type=click.Choice(['restricted', 'full']),
+    help='Only this set of scenarios; may be repeated.',
+)
+@click.option('--rules', type=click.Path(), help='Constraints file; default: learn from traffic.')
+@click.option(
+    '--cost-limit', default='demonstrations', show_default=True, callback=checked_cost_limit
+)
+@click.option('--steps', default=1_000_000, show_default=True, help='Robot steps per training.')
+@click.option('--seeds', default=3, type=click.IntRange(min=1), show_default=True)
+@JSON
+def highway(output: str, sets: tuple[str, ...], as_json: bool, **given: Any) -> None:
+    """Train on a highway with and without rules of its traffic, and compare.
+
+    Writes highway.json, highway.md, highway.png, and drives as highway_drives.png and .gif. A
+    stopped run goes on where it was.
+
+    \b
+    Example: occ experiment highway --set restricted -o results/highway
+    """
+    module = import_needed('occ experiment', 'occ_constraints_pkg.experiments.highway')
+    if sets:
+        given['sets'] = sets
+    with stop_request.listening(), progress_bar('training') as progress:
+        result = module.run_highway(
+            Path(output),
+            module.HighwaySettings(**given),
+            progress=progress,
+            is_stopped=lambda: stop_request.made,
+        )
+    if as_json:
+        print_json(result)
+        return
+    click.echo((Path(output) / 'highway.md').read_text(encoding='utf-8'))
 
 
 @experiment.command()

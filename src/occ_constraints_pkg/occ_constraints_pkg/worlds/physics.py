@@ -73,6 +73,7 @@ class Physics:
         threads = max(threads, 1)
         self.robot = robot
         self._kind = movable
+        self._around = float(np.sqrt((movable.half_extents**2).sum()))
         self._crew = Crew(threads)
         self._alone = _Model(scene_mjcf(robot), num_envs, threads)
         scene = scene_mjcf(robot, movable, pillar=pillars > 0)
@@ -170,11 +171,12 @@ class Physics:
         """
         near = self._near()
         alone, together = (~near).nonzero()[0], near.nonzero()[0]
-        state, controls = self._alone.inputs(len(alone), steps=_STEPS)
-        state[:] = self._robots[alone]
-        controls[:] = control[alone, None]
-        state, controls = self._together.inputs(len(together), steps=_STEPS)
+        if len(alone):
+            state, controls = self._alone.inputs(len(alone), steps=_STEPS)
+            state[:] = self._robots[alone]
+            controls[:] = control[alone, None]
         if len(together):
+            state, controls = self._together.inputs(len(together), steps=_STEPS)
             state[:, self._robot_columns] = self._robots[together]
             state[:, self._movable_columns] = self._movables[together]
             controls[:, :, :2] = control[together, None]
@@ -185,8 +187,9 @@ class Physics:
 
         sensors = np.empty((len(control), len(self.robot.sensors)))
         failed = np.empty(len(control), dtype=bool)
-        after, sensors[alone], failed[alone] = self._reached(self._alone, len(alone))
-        self._robots[alone] = after
+        if len(alone):
+            after, sensors[alone], failed[alone] = self._reached(self._alone, len(alone))
+            self._robots[alone] = after
         if len(together):
             after, sensors[together], failed[together] = self._reached(
                 self._together, len(together)
@@ -214,8 +217,7 @@ class Physics:
         extents = self._kind.half_extents
         # The sphere around the thing is quick to tell; the box around it matters to those within.
         # Comparisons are written so that what is not a number counts as near.
-        around = np.sqrt((extents**2).sum())
-        near = ~(np.sqrt((offset**2).sum(axis=1)) > needed + around)
+        near = ~(np.sqrt((offset**2).sum(axis=1)) > needed + self._around)
         close = near.nonzero()[0]
         if len(close):
             axes = matrix_of(self.movable[close, 3:])

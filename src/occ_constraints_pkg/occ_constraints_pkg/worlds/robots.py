@@ -52,7 +52,7 @@ def checked_action(action: np.ndarray, num_envs: int, names: tuple[str, ...]) ->
             f'an action holds {values[row, column]} as {names[column]} of robot {row}; '
             f'allowed are finite numbers'
         )
-    return np.clip(values, -1.0, 1.0)
+    return values.clip(-1.0, 1.0)
 
 
 def selected_rows(mask: np.ndarray | None, num_envs: int) -> np.ndarray:

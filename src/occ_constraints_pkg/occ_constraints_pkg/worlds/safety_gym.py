@@ -184,7 +184,7 @@ class SafetyGymWorld(World):
 
         to_go, to_goal = self._distances()
         reached = (to_goal <= GOAL_RADIUS) & ~failed
-        reward = np.clip(self._to_go - to_go + reached, -_REWARD_CLIP, _REWARD_CLIP)
+        reward = (self._to_go - to_go + reached).clip(-_REWARD_CLIP, _REWARD_CLIP)
         reward[failed] = _FAILURE_REWARD
         terminated = failed.copy()
         for row in np.flatnonzero(reached):

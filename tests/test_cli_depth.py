@@ -49,7 +49,7 @@ def test_tables_and_mistakes(occ):
     assert (code, 'F1' in out) == (0, True)
     for wrong, told in (
         ('experiment depth drives.npz --score more.npz', 'no true cost'),
-        ('experiment depth nowhere', 'need a feature map'),
+        ('experiment depth nowhere', 'needs a feature map'),
         ('experiment depth drives.npz --depth 200', 'max_depth is 200'),
     ):
         code, out, err = occ(wrong)

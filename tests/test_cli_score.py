@@ -114,7 +114,7 @@ def test_without_flagged_and_costly_samples_ratios_are_undefined(occ):
 
 
 MISTAKES = {
-    'learn careful': 'need a feature map',
+    'learn careful': 'needs a feature map',
     'learn demo.npz careful -m simple_nav': 'the table demo.npz and the recording careful',
     'learn nowhere.npz': 'cannot read nowhere.npz',
     'learn bad.csv': "bad.csv, line 3, column 'y': got 'o.5'",

@@ -31,10 +31,12 @@ def test_checking(occ, tmp_path):
     pytest.importorskip('matplotlib', reason="needs the extra 'report'")
     (tmp_path / 'bags').symlink_to(ROOT / 'bags')
     text = (DOCS / 'checking.md').read_text(encoding='utf-8')
-    check, learn = re.findall(r'```sh\n(.*?)```', text, re.DOTALL)
+    check, learn, warn = re.findall(r'```sh\n(.*?)```', text, re.DOTALL)
     (shown,) = re.findall(r'prints:\n\n```\n(.*?)```', text, re.DOTALL)
-    printed = [occ(line)[1] for line in _lines(learn + check, tmp_path)]
-    _assert_shows(shown, printed[-1])
+    (warned,) = re.findall(r'same forecasts:\n\n```\n(.*?)```', text, re.DOTALL)
+    printed = [occ(line)[1] for line in _lines(learn + check + warn, tmp_path)]
+    _assert_shows(shown, printed[-2])
+    assert printed[-1] == printed[-2] + warned
 
 
 def test_the_tutorial_on_recordings_of_a_robot(occ, tmp_path):
@@ -51,6 +53,20 @@ def test_the_tutorial_on_recordings_of_a_robot(occ, tmp_path):
         _assert_shows(shown, printed)
     (shown_map,) = re.findall(r'```yaml\n(.*?)```', text, re.DOTALL)
     _assert_shows(shown_map, (tmp_path / 'my_robot.yaml').read_text())
+
+
+def test_recordings_of_traffic(occ, tmp_path):
+    driving = Path(os.environ.get('OCC_TEST_DATA', ROOT.parent / 'shared' / 'data')) / 'driving'
+    if not driving.is_dir():
+        pytest.skip(f'no test data at {driving}; set OCC_TEST_DATA')
+    (tmp_path / 'driving').symlink_to(driving.resolve())
+    text = (DOCS / 'driving.md').read_text(encoding='utf-8')
+    ((commands, shown),) = STEPS.findall(text)
+    _assert_shows(shown, ''.join(occ(line)[1] for line in _lines(commands, tmp_path)))
+    table = re.findall(r'^(\| .* \| `.*` \| [^|]* \|)', text, re.MULTILINE)
+    assert len(table) == 18
+    results = (DOCS / 'results' / 'ngsim.md').read_text(encoding='utf-8').splitlines()
+    assert [line for line in table if line not in results] == []
 
 
 def _lines(commands, folder):

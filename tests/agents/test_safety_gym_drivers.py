@@ -85,12 +85,25 @@ def test_an_avoider_turns_aside_from_a_hazard_ahead_and_goes_straight_without():
 
 
 @pytest.mark.parametrize(
+    ('world', 'width', 'first'), [('PointPush1', 76, 12), ('CarPush1', 88, 24)]
+)
+def test_a_box_right_on_the_goal_is_pushed_in_some_direction(world, width, first):
+    observation = _seeing(width, first, np.array([0.4]))
+    observation[:, first + 48 : first + 64] = observation[:, first : first + 16]
+    senses = Senses(world, observation)
+    assert senses.only('goal') == senses.only('push_box')
+    action = _driver(world, 'expert')(observation)
+    assert np.isfinite(action).all()
+    assert (np.abs(action) > 0.1).any()
+
+
+@pytest.mark.parametrize(
     ('world', 'name', 'least_return', 'most_cost'),
     [
         ('PointGoal1', 'avoider', 2.0, 8.0),
-        ('CarGoal1', 'expert', 2.0, 8.0),
-        ('PointPush1', 'expert', 0.3, 8.0),
-        ('CarPush1', 'expert', 0.5, 8.0),
+        ('CarGoal1', 'avoider', 2.0, 8.0),
+        ('PointPush1', 'avoider', 0.3, 8.0),
+        ('CarPush1', 'avoider', 0.5, 8.0),
     ],
 )
 def test_avoiders_get_on_and_keep_out_of_hazards(world, name, least_return, most_cost, monkeypatch):
@@ -105,6 +118,6 @@ def test_avoiders_get_on_and_keep_out_of_hazards(world, name, least_return, most
 
 
 def test_wrong_observations_are_refused():
-    for world, name, width in [('CarGoal1', 'straight', 72), ('PointPush1', 'expert', 76)]:
+    for world, name, width in [('CarGoal1', 'straight', 72), ('PointPush1', 'avoider', 76)]:
         with pytest.raises(OccError, match=rf'shape \(3, 5\); allowed is \(N, {width}\)'):
             _driver(world, name)(np.zeros((3, 5)))

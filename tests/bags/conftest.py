@@ -34,6 +34,12 @@ def odd():
     return _data('odd')
 
 
+@pytest.fixture(scope='session')
+def driving():
+    """Return the folder of recorded road traffic."""
+    return _data('driving')
+
+
 class Messages:
     """Builds messages of rosbags."""
 

@@ -41,11 +41,20 @@ def test_document_comes_back(tmp_path):
 
 
 def test_built_in_maps():
-    assert BUILT_IN_MAPS == ('CarGoal1', 'CarPush1', 'PointGoal1', 'PointPush1', 'simple_nav')
+    tasks = ('CarGoal1', 'CarPush1', 'PointGoal1', 'PointPush1')
+    roads = ('highway', 'highway_following', 'highway_road')
+    names = [*tasks, *roads, 'simple_nav']
+    assert list(BUILT_IN_MAPS) == names
     assert load_feature_map('simple_nav').names == ('x', 'y')
+    highway = load_feature_map('highway')
+    gaps = [f'p_rel{i}' for i in range(6)]
+    assert list(highway.names) == ['v_x', 'v_y', *gaps, 'd_left', 'd_right']
+    assert highway.space.highs[2:8].tolist() == [500.0] * 6
+    for name in roads[1:]:
+        assert set(load_feature_map(name).features) < set(highway.features)
     point_goal = load_feature_map('PointGoal1')
     lidar = [f'd_l{i}' for i in range(16)]
-    for name in BUILT_IN_MAPS[:-1]:
+    for name in tasks:
         assert load_feature_map(name).features == point_goal.features
     assert list(point_goal.names) == ['a_x', 'a_y', 'v_x', 'v_y', *lidar]
     assert point_goal.topics == ('observation',)

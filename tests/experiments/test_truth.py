@@ -72,12 +72,12 @@ def test_costly_drives_are_mixed_in_until_there_are_enough(monkeypatch):
         return values, costly
 
     monkeypatch.setattr(truth, 'drive_states', some_costly)
-    drives = truth._Drives('PointGoal1', 20_000, 0)
+    drives = truth._Drives('PointGoal1', 20_000, 2, 0)
     rng = np.random.default_rng(0)
-    values, costly = drives._demonstrations(None, 20_000, rng)
+    values, costly = drives._demonstrations(None, np.arange(19), rng)
     assert len(values) == len(costly) == 19 * STEPS
     assert not costly.any()
-    values, costly = drives._demonstrations(0.045, 20_000, rng)
+    values, costly = drives._demonstrations(0.045, np.arange(19), rng)
     assert len(values) == 19 * STEPS
     assert 0.045 <= costly.mean() < 0.09
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.rules import Verdict
-from occ_constraints_pkg.rules.gating import Debounce, GateSettings, SpeedGate
+from occ_constraints_pkg.rules.gating import Debounce, GateSettings, SpeedGate, SteadyVerdict
 
 counts = st.tuples(st.integers(1, 5), st.integers(1, 5), st.integers(1, 5)).map(
     lambda drawn: (min(drawn[:2]), max(drawn[:2]), drawn[2])
@@ -37,6 +37,35 @@ def test_one_of_one_follows_the_samples(samples):
     for sample in samples:
         debounce.add(sample)
         assert debounce.tripped == sample
+
+
+@given(verdicts)
+def test_a_steady_verdict_of_one_of_one_is_the_verdict(sequence):
+    steady = SteadyVerdict(1, 1, 1)
+    assert steady.state is Verdict.UNKNOWN
+    for verdict in sequence:
+        assert steady.add(verdict) is verdict is steady.state
+
+
+@given(counts, verdicts)
+def test_a_steady_verdict_is_safe_only_after_enough_safe_ones(numbers, sequence):
+    trigger_count, window, release_count = numbers
+    steady = SteadyVerdict(*numbers)
+    before = Verdict.UNKNOWN
+    for place, verdict in enumerate(sequence):
+        state, seen = steady.add(verdict), sequence[: place + 1]
+        released = len(seen) >= release_count and set(seen[-release_count:]) == {Verdict.SAFE}
+        if verdict is Verdict.UNKNOWN:
+            assert state is Verdict.UNKNOWN
+        elif verdict is Verdict.SAFE and state is Verdict.SAFE:
+            assert before is Verdict.SAFE or released
+        elif verdict is Verdict.SAFE:
+            assert state is before
+        else:
+            bad = sum(item is not Verdict.SAFE for item in seen[-window:])
+            tripped = before is not Verdict.SAFE or bad >= trigger_count
+            assert state is (Verdict.VIOLATED if tripped else Verdict.SAFE)
+        before = state
 
 
 @given(counts, verdicts)

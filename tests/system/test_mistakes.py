@@ -17,6 +17,8 @@ def files(tmp_path_factory, rules_of):
     # Written by hand, so counted as edited.
     rules_of['simple_nav'].save(folder / 'edited.yaml')
     text = (folder / 'edited.yaml').read_text()
+    (folder / 'newer.yaml').write_text(text.replace('schema_version: 1', 'schema_version: 2'))
+    (folder / 'corrupt.yaml').write_text(text[: len(text) // 2] + '\0')
     (folder / 'typo.yaml').write_text(text.replace('operator', 'operater', 1))
     return folder
 
@@ -50,6 +52,11 @@ MISTAKES = {
     'tree_learner -p feature_map:=simple_nav -p bags:=drive -p false_alarm:=2': 'up to 1',
     'monitor -p constraints_file:=nowhere.yaml': 'cannot read nowhere.yaml',
     'monitor -p constraints_file:=typo.yaml': "did you mean 'operator'",
+    'monitor -p constraints_file:=newer.yaml': 'newer.yaml',
+    'monitor -p constraints_file:=corrupt.yaml': 'corrupt.yaml',
+    'monitor -p constraints_file:=edited.yaml -p disabled_rules:=X': "there is no rule 'X'",
+    'monitor -p constraints_file:=edited.yaml -p moved_bounds:=X': "a moved bound is 'X'",
+    'monitor -p trigger_count:=2': 'a window of at least trigger_count',
     'monitor -p timeout:=0': 'allowed is a number from 0.01',
     'monitor -p timeout:=soon': "got 'soon'; allowed is a number",
     'monitor -p timeout:=.nan': 'got nan; allowed is a number',

@@ -168,6 +168,39 @@ def test_silence_is_unknown_again_and_again_until_the_next_input(nodes, witness,
     assert robot.is_safe()
 
 
+def test_an_approach_is_warned_of_and_an_episode_forgets_it(nodes, witness, rules_of):
+    from occ_constraints_pkg.ros.qos import STEPS
+    from std_msgs.msg import Float64
+
+    robot = Robot(witness)
+    times, margins = [], []
+    for topic, heard in (('time_to_violation', times), ('margin', margins)):
+        witness.node.create_subscription(Float64, topic, heard.append, STEPS)
+    robot.start_monitor(nodes, rules_of['simple_nav'], timeout=100.0, warning_horizon=0.5)
+    # The monitor has found this node's subscriptions when it has answered on each topic.
+    robot.until(lambda: robot.send(robot.message(SAFE)) and times and margins)
+    # A later episode knows nothing of them. Steps of 0.1 s; 1 m/s towards the rule on x <= 0.7.
+    for x in (1.0, 0.9, 0.8, 0.75):
+        count = len(times)
+        message = robot.message((x, 0.4, 0.0, 0.0, 0.0, 1.0, 0.0))
+        _, cost, violation = robot.send(message)
+        robot.until(lambda least=count: len(times) > least)
+        assert cost == 0.0
+        told = {item.key: item.value for item in violation.status[0].values}
+        if x in (1.0, 0.9):
+            assert times[-1].data == np.inf
+            assert violation.status[0].message == 'SAFE'
+    # Over 0.3 s the line through the four falls by 0.085 per step.
+    assert times[-1].data == pytest.approx(0.05 / 0.85, rel=1e-3)
+    assert float(told['time_to_violation']) == times[-1].data
+    assert (told['next_rule'], told['deciding_feature']) == ('R1', 'x')
+    assert told['warning'].startswith('estimate: x at most 0.7 and y at least 0.3 in 0.059 s')
+    assert violation.status[0].message == f'SAFE: {told["warning"]}'
+    assert margins[-1].data == pytest.approx(0.1, abs=1e-6)
+    robot.send(robot.message((0.72, 0.4, 0.0, 0.0, 0.0, 2.0, 0.0)))
+    robot.until(lambda: times[-1].data == np.inf)
+
+
 def test_a_topic_of_another_type_is_unknown_and_named(nodes, witness, rules_of):
     import rclpy
     from diagnostic_msgs.msg import DiagnosticArray
@@ -202,7 +235,16 @@ def test_a_topic_of_another_type_is_unknown_and_named(nodes, witness, rules_of):
 def test_bad_constraints_are_refused_and_new_ones_used_at_once(robot, rules_of):
     good = rules_of['simple_nav']
     typo = good.dumps().replace('operator', 'operatr')
-    for text in ('', '{', 'schema_version: 1', typo, Constraints(good.rule_set).dumps()):
+    newer = good.dumps().replace('schema_version: 1', 'schema_version: 2')
+    for text in (
+        '',
+        '{',
+        'schema_version: 1',
+        typo,
+        newer,
+        good.dumps()[:200] + '\0',
+        Constraints(good.rule_set).dumps(),
+    ):
         refused = robot.monitor.log.read_text().count('rule set refused')
         robot.use(text)
         assert robot.monitor.log.read_text().count('rule set refused') == refused + 1

@@ -99,7 +99,7 @@ def test_stepping_far_robots_alone_changes_nothing_but_rounding(monkeypatch):
     things, pillars = [[1.0, 1.0, 0.4]] * 6, [[[-1.0, 1.0]]] * 6
     alone, _ = _physics(POINT, POINT_BOX, starts, things, pillars)
     together, _ = _physics(POINT, POINT_BOX, starts, things, pillars)
-    monkeypatch.setattr(together, '_gap', lambda: np.zeros(6))
+    monkeypatch.setattr(together, '_near', lambda: np.ones(6, dtype=bool))
     for _ in range(40):
         action = rng.uniform(-1, 1, (6, 2))
         first, _ = alone.step(action)

@@ -68,7 +68,7 @@ def test_a_robot_depends_on_seed_index_and_actions_only(name):
     low, high = ([0.1, -0.1], [1.0, 0.1]) if 'Point' in name else ([0.6, 0.6], [1.0, 1.0])
     actions = np.random.default_rng(0).uniform(low, high, (60, 34, 2))
     reference = _drive(name, 34, 1, actions)
-    for num_envs, threads in [(1, 1), (7, 0), (34, 3)]:
+    for num_envs, threads in [(1, 1), (1, 2), (7, 0), (34, 2), (34, 3)]:
         for expected, got in zip(reference, _drive(name, num_envs, threads, actions), strict=True):
             np.testing.assert_array_equal(got, expected[:num_envs])
 

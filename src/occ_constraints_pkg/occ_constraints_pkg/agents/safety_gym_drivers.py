@@ -197,7 +197,9 @@ class _Avoider:
         # The columns at the edges of the box reach out half as far again.
         reach = 1.5 * half
         box = senses.only('push_box')
-        ahead = (goal - box) / np.maximum(np.abs(goal - box), 1e-9)
+        way = np.abs(goal - box)
+        # Any direction will do where the box stands on the goal.
+        ahead = np.divide(goal - box, way, out=np.ones_like(box), where=way > 0)
         # The robot seen from the box, the goal along the real axis.
         robot = -box / ahead
         push = (robot.real < -half) & (np.abs(robot.imag) < -0.5 * robot.real)

@@ -26,8 +26,8 @@ def make_driver(world: str, name: str, rng: np.random.Generator) -> Driver:
         name: ``random`` (uniform actions) in every world; ``straight`` (to the goal, whatever
             lies between) and ``expert`` (round the forbidden corner) in ``simple_nav``. In
             ``PointGoal1`` ``straightv`` and in ``CarGoal1`` ``straight`` (to the goal, through
-            hazards). ``avoider`` in ``PointGoal1`` and ``expert`` in the other three Safety-Gym
-            tasks keep out of hazards.
+            hazards). ``avoider`` in the Safety-Gym tasks keeps out of hazards; in Push it is the
+            ``expert`` too.
         rng: source of the driver's noise.
 
     Raises:
@@ -158,9 +158,19 @@ DRIVERS: dict[str, dict[str, Callable[[np.random.Generator], Driver]]] = {
     'CarGoal1': {
         'random': _Random,
         'straight': _deterministic(straight_car, 'CarGoal1'),
-        'expert': _deterministic(avoider, 'CarGoal1'),
+        'avoider': _deterministic(avoider, 'CarGoal1'),
     },
-    'PointPush1': {'random': _Random, 'expert': _deterministic(avoider, 'PointPush1')},
-    'CarPush1': {'random': _Random, 'expert': _deterministic(avoider, 'CarPush1')},
+    'PointPush1': {
+        'random': _Random,
+        'avoider': _deterministic(avoider, 'PointPush1'),
+        'expert': _deterministic(avoider, 'PointPush1'),
+    },
+    'CarPush1': {
+        'random': _Random,
+        'avoider': _deterministic(avoider, 'CarPush1'),
+        'expert': _deterministic(avoider, 'CarPush1'),
+    },
+    'highway': {'random': _Random},
+    'highway_restricted': {'random': _Random},
 }
 """The drivers that :func:`make_driver` knows, by world and name."""

@@ -79,6 +79,8 @@ class BlockExtractor:
             self._readers.append((places, TopicColumns(recording, name, own)))
         self._held: list[_Held | None] = [None] * len(self._readers)
         self._last: tuple[int, np.ndarray] | None = None
+        # Stamp and arrival of the last pace message.
+        self._before: tuple[int, int] | None = None
 
     @staticmethod
     def reads(recording: Recording, topics: dict[str, str], feature_map: FeatureMap) -> bool:
@@ -109,6 +111,7 @@ class BlockExtractor:
         for number in range(1, len(self._readers)):
             self._fill(read, read_stamps, number, block, paces, stamps)
         values = self._transform(read, read_stamps, np.where(stamps == 0, times, stamps))
+        values[self._set_back(stamps, times)] = np.nan
         news = ~self._repeats(values, stamps)
         yield RowBlock(values[news], np.where(stamps == 0, times, stamps)[news], times[news])
 
@@ -163,6 +166,16 @@ class BlockExtractor:
         value_stamps[:, places] = np.where(fresh, other_stamps, 0)[:, None]
         if len(rows):
             self._held[number] = _Held(read[-1], int(read_stamps[-1]), int(read_times[-1]))
+
+    def _set_back(self, stamps: np.ndarray, times: np.ndarray) -> np.ndarray:
+        """Return (m,) whether time went back at a pace message by more than a value may age."""
+        if not len(stamps):
+            return np.zeros(0, dtype=bool)
+        stamp, time = self._before or (stamps[0], times[0])
+        self._before = int(stamps[-1]), int(times[-1])
+        before, earlier = np.append(stamp, stamps[:-1]), np.append(time, times[:-1])
+        by_arrival = (stamps == 0) | (before == 0)
+        return np.where(by_arrival, earlier - times, before - stamps) > self._max_age_ns
 
     def _repeats(self, values: np.ndarray, stamps: np.ndarray) -> np.ndarray:
         repeat = np.zeros(len(stamps), dtype=bool)

@@ -12,7 +12,7 @@ import numpy as np
 from occ_constraints_pkg.bags.dataset import Dataset
 from occ_constraints_pkg.bags.extract import extract
 from occ_constraints_pkg.bags.feature_map import FeatureMap
-from occ_constraints_pkg.bags.table_files import are_table_files, read_tables
+from occ_constraints_pkg.bags.table_files import TABLE_ENDINGS, are_table_files, read_tables
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.learning.learn import learn
 from occ_constraints_pkg.learning.settings import OCTreeSettings
@@ -99,7 +99,10 @@ def read_demonstrations(
     if are_table_files(paths):
         return read_tables(paths, space if feature_map is None else feature_map.space)
     if feature_map is None:
-        raise OccError(f'recordings such as {paths[0]} need a feature map: -m FILE or a name')
+        raise OccError(
+            f'{paths[0]} is no table ({TABLE_ENDINGS}), and a recording needs a feature map: '
+            '-m FILE or a name'
+        )
     return extract(paths, feature_map, progress=progress), feature_map.space
 
 

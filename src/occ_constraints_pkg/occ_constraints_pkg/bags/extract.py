@@ -36,12 +36,14 @@ class FeatureRows:
         repeat: whether header stamp and values are those of the row before: a simulation repeats
             its last observation when nothing answers it. Whoever counts rows skips it. Other values
             under the same stamp are news, from a sensor whose clock stands still.
+        note: why all values are missing, if it is not for the messages; else empty.
     """
 
     stamp_ns: int
     values: np.ndarray
     table: Table | None
     repeat: bool
+    note: str = ''
 
 
 class FeatureExtractor:
@@ -124,6 +126,7 @@ class FeatureExtractor:
 
     def _row(self, now: Held, parts: dict[str, Held]) -> FeatureRows:
         """Compute the features from the messages in ``parts``."""
+        back_ns = 0 if self._now is None else self._now.ahead_ns(now.stamp, now.arrival)
         self._now = now
         for key, held in parts.items():
             held.read(self._readers[key])
@@ -147,10 +150,14 @@ class FeatureExtractor:
         table = now.table if self.pace_key else None
         values = self._transforms.apply(read, stamps, row_ns, self._restarted(table))
         last_stamp, last_values = self._last
+        note = ''
+        if back_ns > self._max_age_ns and table is None:
+            # Whatever is held is of another time. Stamps of tables only tell steps apart.
+            values, note = np.full_like(values, np.nan), f'time went back by {back_ns * 1e-9:.3g} s'
         repeat = now.stamp is not None and now.stamp == last_stamp
         repeat = repeat and np.array_equal(values, last_values, equal_nan=True)
         self._last = now.stamp, values
-        return FeatureRows(row_ns, values, table, repeat)
+        return FeatureRows(row_ns, values, table, repeat, note)
 
     def _restarted(self, table: Table | None) -> np.ndarray | None:
         """Tell which rows of a table are of another episode than before."""

@@ -42,9 +42,13 @@ class Held:
 
         That a clock has jumped back shows in nothing else.
         """
+        return abs(self.ahead_ns(stamp, arrival))
+
+    def ahead_ns(self, stamp: int | None, arrival: int) -> int:
+        """Return by how much this message is of a later time than another one."""
         if stamp is None or self.stamp is None:
-            return abs(arrival - self.arrival)
-        return abs(stamp - self.stamp)
+            return self.arrival - arrival
+        return self.stamp - stamp
 
 
 class TopicReader:

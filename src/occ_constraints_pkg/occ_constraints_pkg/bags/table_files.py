@@ -5,16 +5,15 @@
 from __future__ import annotations
 
 import csv
-import itertools
 import zipfile
 import zlib
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from occ_constraints_pkg.bags.csv_cells import parse_cells, parse_quickly
 from occ_constraints_pkg.bags.dataset import Dataset, sha256_of
 from occ_constraints_pkg.documents import did_you_mean
 from occ_constraints_pkg.errors import OccError
@@ -130,7 +129,7 @@ def read_tables(
 def _read(path: Path, wanted: Collection[str] | None) -> _Content:
     reader = _READERS.get(path.suffix)
     if reader is None:
-        raise OccError(f'{path} is not a table; allowed are files that end in {_ENDINGS}')
+        raise OccError(f'{path} is not a table; allowed are files that end in {TABLE_ENDINGS}')
     try:
         return reader(path, wanted)
     except OSError as error:
@@ -278,17 +277,32 @@ def _read_csv(path: Path, wanted: Collection[str] | None) -> _Content:
         with path.open(encoding='utf-8-sig', newline='') as stream:
             rows = csv.reader(stream)
             header = [name.strip() for name in next(rows, [])]
+            _check_header(header, path)
             chosen, places = _choose(header, wanted, path)
-            table = _parse_quickly(stream, len(header))
+            table = parse_quickly(stream, len(header))
             if table is None:
                 stream.seek(0)
-                table = _parse_cells(csv.reader(stream), header, places, path)
+                table = parse_cells(csv.reader(stream), header, places, path)
             else:
                 table = table[:, places] if len(places) < len(header) else table
     except (UnicodeDecodeError, csv.Error) as error:
         reason = 'it is not UTF-8 text' if isinstance(error, UnicodeDecodeError) else error
         raise OccError(f'cannot read {path}: {reason}') from error
     return _split(chosen, table, path)
+
+
+def _check_header(header: Sequence[str], path: Path) -> None:
+    """Refuse a file without a header: its first row would be lost, and names be numbers."""
+    if not header:
+        raise OccError(f'{path} is empty; allowed are a line with the names of columns, then rows')
+    try:
+        numbers = [float(name) for name in header]
+    except ValueError:
+        return
+    raise OccError(
+        f'{path}, line 1: got the numbers {", ".join(f"{number:g}" for number in numbers)}; '
+        'allowed are the names of the columns'
+    )
 
 
 def _choose(
@@ -306,47 +320,6 @@ def _choose(
     if not set(names) - set(apart):
         raise OccError(f'{path} has no column of a feature; its columns are {", ".join(header)}')
     return names, [place for place, name in enumerate(header) if name in names]
-
-
-def _parse_quickly(lines: Iterable[str], width: int) -> np.ndarray | None:
-    """Read lines of which every cell is a number; None where that is not so."""
-    lines = (line for line in lines if line.strip())
-    first = next(lines, None)
-    if first is None:
-        return np.empty((0, width))
-    try:
-        table = np.loadtxt(
-            itertools.chain([first], lines), delimiter=',', comments=None, quotechar='"', ndmin=2
-        )
-    except ValueError:
-        return None
-    return table if table.shape[1] == width else None
-
-
-def _parse_cells(rows: Any, header: Sequence[str], places: Sequence[int], path: Path) -> np.ndarray:
-    """Read a file cell by cell, to take empty ones as missing and to name a faulty one."""
-    next(rows)
-    table = []
-    for row in rows:
-        if len(row) < 2 and not ''.join(row).strip():
-            # A blank line.
-            continue
-        if len(row) != len(header):
-            raise OccError(
-                f'{path}, line {rows.line_num}: got {len(row)} cells; '
-                f'allowed are {len(header)}, as in the header'
-            )
-        table.append([_cell(row[place], header[place], rows.line_num, path) for place in places])
-    return np.array(table, dtype=np.float64).reshape(len(table), len(places))
-
-
-def _cell(text: str, column: str, line: int, path: Path) -> float:
-    try:
-        return float(text) if text.strip() else np.nan
-    except ValueError:
-        raise OccError(
-            f'{path}, line {line}, column {column!r}: got {text!r}; allowed is a number'
-        ) from None
 
 
 def _read_parquet(path: Path, wanted: Collection[str] | None) -> _Content:
@@ -396,4 +369,5 @@ _READERS: dict[str, Callable[[Path, Collection[str] | None], _Content]] = {
     '.csv': _read_csv,
     '.parquet': _read_parquet,
 }
-_ENDINGS = ', '.join(_READERS)
+TABLE_ENDINGS = ', '.join(_READERS)
+"""How the names of table files end, in words."""

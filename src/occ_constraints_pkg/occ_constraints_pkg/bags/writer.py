@@ -56,6 +56,8 @@ class BagWriter:
         max_file_bytes: a file that has grown to this size is followed by another; 0: never. As
             messages reach the file chunk by chunk, it may be larger by one chunk.
         max_file_seconds: the same for the time from a file's first message on, by log time.
+        custom_data: what ``metadata.yaml`` says under that key, where rosbag2 has room for a
+            recording's own words; None for nothing.
 
     Raises:
         OccError: the directory exists or cannot be made, or the compression is unknown.
@@ -68,6 +70,7 @@ class BagWriter:
         compression: str = 'zstd',
         max_file_bytes: int = 0,
         max_file_seconds: float = 0.0,
+        custom_data: Mapping[str, str] | None = None,
     ) -> None:
         if compression not in COMPRESSIONS:
             raise OccError(
@@ -77,6 +80,7 @@ class BagWriter:
         self.directory = Path(directory)
         self._compression = compression
         self._max_bytes, self._max_ns = max_file_bytes, round(max_file_seconds * 1e9)
+        self._custom_data = dict(custom_data) if custom_data else None
         self._topics: dict[str, _Topic] = {}
         self._files: list[McapOutput] = []
         self._flushed = self._described = -float('inf')
@@ -265,7 +269,7 @@ class BagWriter:
             'compression_mode': '',
             'relative_file_paths': names,
             'files': [{'path': file.path.name, **_span_entry(file.span)} for file in files],
-            'custom_data': None,
+            'custom_data': self._custom_data,
             'ros_distro': 'jazzy',
         }
 

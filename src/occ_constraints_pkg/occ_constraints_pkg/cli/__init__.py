@@ -14,6 +14,7 @@ from occ_constraints_pkg.cli.drive import drive
 from occ_constraints_pkg.cli.experiments import bench, demo, experiment
 from occ_constraints_pkg.cli.export import export
 from occ_constraints_pkg.cli.features import features
+from occ_constraints_pkg.cli.importing import import_
 from occ_constraints_pkg.cli.learning import learn
 from occ_constraints_pkg.cli.nodes import node, play, record
 from occ_constraints_pkg.cli.rules import check, prune, score, show, simplify
@@ -57,7 +58,7 @@ def cli(context: click.Context) -> None:
 for _command in (
     *(features, learn, show, check, score, prune, simplify, export),
     *(train, evaluate, drive),
-    *(node, record, play),
+    *(node, record, play, import_),
     *(demo, bench, experiment),
 ):
     cli.add_command(_command)

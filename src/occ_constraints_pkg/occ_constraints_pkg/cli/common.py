@@ -52,6 +52,16 @@ def warn(sentence: str) -> None:
     click.echo(f'warning: {sentence}', err=True)
 
 
+def checked_cost_limit(_context: Any, _parameter: Any, text: str) -> float | str:
+    """Return a cost limit given as an option: a number, or ``demonstrations``."""
+    if text == 'demonstrations':
+        return text
+    try:
+        return float(text)
+    except ValueError:
+        raise click.BadParameter(f"got {text!r}; allowed is a number or 'demonstrations'") from None
+
+
 @contextmanager
 def progress_bar(label: str, *, detail: bool = False) -> Iterator[Callable[..., None]]:
     """Show a bar on stderr, only on a terminal; yields ``update(done, total, text='')``."""

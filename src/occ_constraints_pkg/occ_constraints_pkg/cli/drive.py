@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from occ_constraints_pkg.cli.common import JSON, print_json, progress_bar
-from occ_constraints_pkg.errors import import_needed
+from occ_constraints_pkg.errors import OccError, import_needed
 
 
 @click.command()
@@ -26,21 +26,44 @@ from occ_constraints_pkg.errors import import_needed
 @click.option(
     '--steps', type=click.IntRange(min=1), help='At most so many. Default: a whole episode.'
 )
-@click.option('--seed', default=0, type=click.IntRange(min=0), show_default=True)
+@click.option(
+    '--seed',
+    default=0,
+    type=click.IntRange(min=0),
+    show_default=True,
+    help='On the highway: number of the scenario.',
+)
+@click.option(
+    '-c',
+    '--constraints',
+    type=click.Path(),
+    help='On the highway: rules whose violations are drawn beside the drive.',
+)
 @JSON
 def drive(
-    world: str, driver: str, output: str, steps: int | None, seed: int, as_json: bool
+    world: str,
+    driver: str,
+    output: str,
+    steps: int | None,
+    seed: int,
+    constraints: str | None,
+    as_json: bool,
 ) -> None:
-    """Drive one episode of a Safety-Gym task and draw it from above.
+    """Drive one episode and draw it from above.
 
     \b
     Example: occ drive CarPush1 --driver expert -o drive.gif
+    Example: occ drive highway -c rules.yaml -o drive.png
     """
     import numpy as np
 
     from occ_constraints_pkg.agents.drivers import find_driver
     from occ_constraints_pkg.worlds.registry import make_world
 
+    if world.startswith('highway'):
+        numbers = _drive_highway(world, driver, Path(output), seed, constraints)
+        _tell(output, numbers, as_json)
+        return
     film = import_needed('occ drive', 'occ_constraints_pkg.report.film')
     simulated = make_world(world, 1)
     act = find_driver(simulated, driver, np.random.default_rng(seed))
@@ -54,6 +77,34 @@ def drive(
             progress=progress,
         )
     simulated.close()
+    _tell(output, numbers, as_json)
+
+
+def _drive_highway(
+    world: str, driver: str, output: Path, number: int, constraints: str | None
+) -> dict[str, float]:
+    """Draw a drive through a scenario of the highway; return what it brought."""
+    import numpy as np
+
+    from occ_constraints_pkg.agents.drivers import find_driver
+    from occ_constraints_pkg.rules.constraints_file import load_constraints
+    from occ_constraints_pkg.worlds.registry import world_class
+
+    film = import_needed('occ drive', 'occ_constraints_pkg.report.highway_film')
+    kind = world_class(world)
+    if number >= kind.scenarios:
+        raise OccError(
+            f'world {world} has no scenario {number}; allowed are 0 to {kind.scenarios - 1}'
+        )
+    rules = None if constraints is None else load_constraints(constraints)
+    act = find_driver(kind, driver, np.random.default_rng(number))
+    drive = film.drive_through(act, number)
+    film.draw_drives(output, {Path(driver).stem: drive}, rules)
+    steps = len(drive.vehicles) - 1
+    return {'steps': steps, 'return': drive.returned, 'cost': float(bool(drive.end))}
+
+
+def _tell(output: str, numbers: dict[str, float], as_json: bool) -> None:
     if as_json:
         print_json({'output': output, **numbers})
         return

@@ -14,6 +14,7 @@ from occ_constraints_pkg.cli.common import (
     DATA,
     FEATURE_MAP_HELP,
     JSON,
+    checked_cost_limit,
     end_tidily,
     needed_cost,
     print_json,
@@ -23,6 +24,7 @@ from occ_constraints_pkg.cli.tree_options import seed_option, tree_options, tree
 from occ_constraints_pkg.errors import import_needed
 from occ_constraints_pkg.experiments.benchmarks import BENCHMARKS
 from occ_constraints_pkg.files import make_directory, replacing
+from occ_constraints_pkg.stopping import stop_request
 
 
 @click.command()
@@ -153,6 +155,34 @@ def robots(output: str, data: str | None, kinds: tuple[str, ...], as_json: bool)
 @experiment.command()
 @click.option('-o', '--output', default='results', show_default=True, type=click.Path())
 @click.option(
+    '--data',
+    type=click.Path(),
+    help='Folder of ngsim_us101 and ngsim_i80; default: driving in OCC_TEST_DATA or in '
+    '../shared/data.',
+)
+@click.option('--seeds', default=10, type=click.IntRange(min=1), show_default=True)
+@JSON
+def ngsim(output: str, data: str | None, seeds: int, as_json: bool) -> None:
+    """Learn from real drivers on highways, judge others; writes ngsim.json and ngsim.md.
+
+    \b
+    Example: occ experiment ngsim -o results
+    """
+    from occ_constraints_pkg.experiments.ngsim import run_ngsim
+
+    with progress_bar('learning') as progress:
+        result = run_ngsim(
+            Path(output), folder=Path(data) if data else None, seeds=seeds, progress=progress
+        )
+    if as_json:
+        print_json(result)
+        return
+    click.echo((Path(output) / 'ngsim.md').read_text(encoding='utf-8'))
+
+
+@experiment.command()
+@click.option('-o', '--output', default='results', show_default=True, type=click.Path())
+@click.option(
     '--episodes', default=50, type=click.IntRange(min=2), show_default=True, help='For the means.'
 )
 @click.option(
@@ -182,6 +212,47 @@ def worlds(output: str, episodes: int, data: str | None, as_json: bool) -> None:
         print_json(result)
         return
     click.echo(table)
+
+
+@experiment.command()
+@click.option('-o', '--output', default='highway', show_default=True, type=click.Path())
+@click.option(
+    '--set',
+    'sets',
+    multiple=True,
+    type=click.Choice(['restricted', 'full']),
+    help='Only this set of scenarios; may be repeated.',
+)
+@click.option('--rules', type=click.Path(), help='Constraints file; default: learn from traffic.')
+@click.option(
+    '--cost-limit', default='demonstrations', show_default=True, callback=checked_cost_limit
+)
+@click.option('--steps', default=1_000_000, show_default=True, help='Robot steps per training.')
+@click.option('--seeds', default=3, type=click.IntRange(min=1), show_default=True)
+@JSON
+def highway(output: str, sets: tuple[str, ...], as_json: bool, **given: Any) -> None:
+    """Train on a highway with and without rules of its traffic, and compare.
+
+    Writes highway.json, highway.md, highway.png, and drives as highway_drives.png and .gif. A
+    stopped run goes on where it was.
+
+    \b
+    Example: occ experiment highway --set restricted -o results/highway
+    """
+    module = import_needed('occ experiment', 'occ_constraints_pkg.experiments.highway')
+    if sets:
+        given['sets'] = sets
+    with stop_request.listening(), progress_bar('training') as progress:
+        result = module.run_highway(
+            Path(output),
+            module.HighwaySettings(**given),
+            progress=progress,
+            is_stopped=lambda: stop_request.made,
+        )
+    if as_json:
+        print_json(result)
+        return
+    click.echo((Path(output) / 'highway.md').read_text(encoding='utf-8'))
 
 
 @experiment.command()
@@ -366,3 +437,44 @@ def transfer(output: str, as_json: bool, **given: Any) -> None:
             f'{name.replace("_", " ")}: return {line["return"]:.2f}, true cost {line["cost"]:.2f}, '
             f'learned cost {line["learned_cost"]:.2f}'
         )
+
+
+@experiment.command()
+@click.option('-o', '--output', default='results', show_default=True, type=click.Path())
+@click.option(
+    '--data',
+    type=click.Path(),
+    help='Folder of the recordings; default: robots in OCC_TEST_DATA or in ../shared/data.',
+)
+@click.option(
+    '--bags', default='bags', show_default=True, type=click.Path(), help="This project's bags."
+)
+@click.option(
+    '--set', 'sets', multiple=True, help='Only this kind of robot, or world; may be repeated.'
+)
+@JSON
+def warnings(
+    output: str, data: str | None, bags: str, sets: tuple[str, ...], as_json: bool
+) -> None:
+    """Measure how early violations are warned of, and how often in vain.
+
+    On recordings as of `occ experiment robots`, and on those of this project. Writes warnings.json
+    and warnings.md.
+
+    \b
+    Example: occ experiment warnings -o results
+    """
+    from occ_constraints_pkg.experiments.warnings import run_warnings
+
+    with progress_bar('sets') as progress:
+        result = run_warnings(
+            Path(output),
+            folder=Path(data) if data else None,
+            bags=Path(bags),
+            names=sets,
+            progress=progress,
+        )
+    if as_json:
+        print_json(result)
+        return
+    click.echo((Path(output) / 'warnings.md').read_text(encoding='utf-8'))

@@ -15,12 +15,14 @@ from occ_constraints_pkg.cli.common import (
     needed_cost,
     number,
     print_json,
+    progress_bar,
     read_data,
     warn,
 )
 from occ_constraints_pkg.errors import import_needed
 from occ_constraints_pkg.report.evidence import describe_why, why_document
 from occ_constraints_pkg.report.rules import describe_promise, describe_rules
+from occ_constraints_pkg.rules.forecast import WINDOW_SECONDS
 
 
 @click.command()
@@ -35,6 +37,7 @@ def show(constraints: str, why: str | None, as_json: bool) -> None:
              occ show --why R4def0 constraints.yaml
     """
     from occ_constraints_pkg.rules.constraints_file import load_constraints
+    from occ_constraints_pkg.rules.listing import rules_document
 
     loaded = load_constraints(constraints)
     rule_set = loaded.rule_set
@@ -46,25 +49,11 @@ def show(constraints: str, why: str | None, as_json: bool) -> None:
             click.echo(describe_why(document))
         return
     if as_json:
-        rules = [
-            {
-                'id': rule.id,
-                'text': rule.words(rule_set.space),
-                'formula': rule.formula(rule_set.space),
-                'enabled': rule.enabled,
-                'note': rule.note,
-                'evaluated': rule.evaluated,
-                'violated': rule.violated,
-            }
-            for rule in rule_set.rules
-        ]
-        document = {
-            'rule_set': rule_set.fingerprint,
-            'edited': loaded.is_edited,
-            'rules': rules,
-            'calibration': loaded.learner.get('calibration'),
-        }
-        print_json(document)
+        document = rules_document(rule_set)
+        for entry, rule in zip(document['rules'], rule_set.rules, strict=True):
+            entry.update(evaluated=rule.evaluated, violated=rule.violated)
+        calibration = loaded.learner.get('calibration')
+        print_json({**document, 'edited': loaded.is_edited, 'calibration': calibration})
         return
     click.echo(describe_rules(loaded, counters=True))
     promise = describe_promise(loaded)
@@ -96,6 +85,20 @@ def show(constraints: str, why: str | None, as_json: bool) -> None:
     help='Violations of a rule that are at most as many seconds apart count as one.',
 )
 @click.option('--plot', type=click.Path(), help='Draw the timeline to this PNG file.')
+@click.option(
+    '--warn',
+    'horizon',
+    metavar='SECONDS',
+    type=click.FloatRange(min=0.0, min_open=True),
+    help='Tell how early a monitor would have warned, if it does within so many seconds.',
+)
+@click.option(
+    '--warning-window',
+    default=WINDOW_SECONDS,
+    show_default=True,
+    type=click.FloatRange(min=0.0, min_open=True),
+    help='For --warn: seconds over which rates of change are looked for.',
+)
 @JSON
 def check(
     paths: tuple[str, ...],
@@ -104,6 +107,8 @@ def check(
     timeout: float,
     bridge: float,
     plot: str | None,
+    horizon: float | None,
+    warning_window: float,
     as_json: bool,
 ) -> int:
     """Judge recordings or tables by a constraints file: when is which rule violated, how far.
@@ -112,10 +117,13 @@ def check(
 
     \b
     Example: occ check bags/drive_7 -c constraints.yaml --plot drive_7.png
+             occ check bags/drive_7 -c constraints.yaml --warn 1
     """
     import numpy as np
 
+    from occ_constraints_pkg.bags.early_warning import warning_record
     from occ_constraints_pkg.report.timeline import describe_timeline, timeline_document
+    from occ_constraints_pkg.report.warnings import describe_warnings, warnings_document
     from occ_constraints_pkg.rules import RuleCounts, Verdict
     from occ_constraints_pkg.rules.constraints_file import load_constraints
 
@@ -133,6 +141,17 @@ def check(
     timeline = make_timeline(rule_set, data, judgement, timeout=timeout, bridge=bridge)
     if draw:
         draw.draw_timeline(Path(plot), timeline, rule_set)
+    record = None
+    if horizon is not None:
+        with progress_bar('forecasting') as progress:
+            record = warning_record(
+                timeline,
+                rule_set,
+                horizon=horizon,
+                window=warning_window,
+                bridge=bridge,
+                progress=progress,
+            )
     is_safe = bool((judgement.verdict == Verdict.SAFE).all() and not timeline.silence.any())
     if as_json:
         broken = [
@@ -152,10 +171,13 @@ def check(
                 if (judgement.verdict != Verdict.UNKNOWN).any()
                 else None,
                 **timeline_document(timeline, rule_set),
+                **({'warnings': warnings_document(record, timeline, rule_set)} if record else {}),
             }
         )
     else:
         click.echo(describe_timeline(timeline, rule_set))
+        if record:
+            click.echo(describe_warnings(record))
     return 0 if is_safe else 1
 
 

@@ -10,7 +10,13 @@ from typing import Any
 
 import click
 
-from occ_constraints_pkg.cli.common import JSON, number, print_json, progress_bar
+from occ_constraints_pkg.cli.common import (
+    JSON,
+    checked_cost_limit,
+    number,
+    print_json,
+    progress_bar,
+)
 from occ_constraints_pkg.errors import OccError, import_needed
 from occ_constraints_pkg.stopping import parent_is_gone, stop_request
 
@@ -22,15 +28,6 @@ def _seeds(_context: Any, _parameter: Any, text: str | None) -> range | None:
     if not (colon and first.isdecimal() and end.isdecimal() and int(first) < int(end)):
         raise click.BadParameter(f'got {text!r}; allowed is FIRST:END, as in 0:5 for 0 to 4')
     return range(int(first), int(end))
-
-
-def _limit(_context: Any, _parameter: Any, text: str) -> float | str:
-    if text == 'demonstrations':
-        return text
-    try:
-        return float(text)
-    except ValueError:
-        raise click.BadParameter(f"got {text!r}; allowed is a number or 'demonstrations'") from None
 
 
 def _learner(_context: Any, _parameter: Any, texts: tuple[str, ...]) -> dict[str, Any]:
@@ -66,7 +63,7 @@ def _learner(_context: Any, _parameter: Any, texts: tuple[str, ...]) -> dict[str
     default='25',
     show_default=True,
     metavar='NUMBER',
-    callback=_limit,
+    callback=checked_cost_limit,
     help="Mean cost per episode; 'demonstrations': the learned cost of the demonstrations.",
 )
 @click.option(

@@ -49,8 +49,14 @@ _BUMPER = 'bump'
 
 
 @dataclass(frozen=True)
-class _Recorded:
-    """One recording's features; ``seconds`` is how long each row stands."""
+class Recorded:
+    """One recording's features.
+
+    Attributes:
+        name: of the recording.
+        data: its features.
+        seconds: (n,) how long each row stands.
+    """
 
     name: str
     data: Dataset
@@ -99,16 +105,11 @@ def run_robots(
 
 def _run_kind(folder: Path, kind: str) -> tuple[dict[str, Any], str]:
     """Return the results for one kind of robot, and its map as text."""
-    paths = sorted(folder.glob(f'safe_{kind}_*'))
-    if len(paths) < 3:
-        raise OccError(
-            f'{folder} holds {len(paths)} recordings safe_{kind}_*; allowed are three or more'
-        )
-    text = suggestion_text(suggest(Recording(paths[0])))
-    full_map = FeatureMap.from_document(parse_yaml(text, kind), kind)
-    safe = [_read(path, full_map) for path in paths]
-    contact = [_read(path, full_map) for path in sorted(folder.glob(f'contact_{kind}_*'))]
-    bump = [_read(path, full_map) for path in sorted(folder.glob(f'bump_{kind}_*'))]
+    paths = safe_recordings(folder, kind)
+    full_map, text = suggested_map(paths[0], kind)
+    safe = [read_recorded(path, full_map) for path in paths]
+    contact = [read_recorded(path, full_map) for path in sorted(folder.glob(f'contact_{kind}_*'))]
+    bump = [read_recorded(path, full_map) for path in sorted(folder.glob(f'bump_{kind}_*'))]
     bumper = [place for place, name in enumerate(full_map.names) if name.startswith(_BUMPER)]
     variants = {'all features': list(range(len(full_map.names)))}
     if bumper:
@@ -119,22 +120,56 @@ def _run_kind(folder: Path, kind: str) -> tuple[dict[str, Any], str]:
         part = replace(full_map, features=tuple(full_map.features[place] for place in places))
         result[title] = {
             'held_back': [_held_back(item, safe, part, places) for item in safe],
-            'contact': [_tried(item, _learn(safe, part, places), places) for item in contact],
-            'bump': [_bumped(item, _learn(safe, part, places), places, bumper) for item in bump],
+            'contact': [_tried(item, learn_safe(safe, part, places), places) for item in contact],
+            'bump': [
+                _bumped(item, learn_safe(safe, part, places), places, bumper) for item in bump
+            ],
         }
     return result, text
 
 
-def _read(path: Path, feature_map: FeatureMap) -> _Recorded:
+def safe_recordings(folder: Path, kind: str) -> list[Path]:
+    """Return the safe recordings of a kind of robot.
+
+    Raises:
+        OccError: there are fewer than three.
+    """
+    paths = sorted(folder.glob(f'safe_{kind}_*'))
+    if len(paths) < 3:
+        raise OccError(
+            f'{folder} holds {len(paths)} recordings safe_{kind}_*; allowed are three or more'
+        )
+    return paths
+
+
+def suggested_map(path: Path, kind: str) -> tuple[FeatureMap, str]:
+    """Return the map that is suggested for a recording, and its text."""
+    text = suggestion_text(suggest(Recording(path)))
+    return FeatureMap.from_document(parse_yaml(text, kind), kind), text
+
+
+def read_recorded(path: Path, feature_map: FeatureMap) -> Recorded:
+    """Return a recording's features.
+
+    Raises:
+        OccError: it cannot be read.
+    """
     data = extract([path], feature_map)
     steps = np.diff(data.stamps_ns) * 1e-9
     usual = float(np.median(steps)) if len(steps) else 1.0
     # A row stands until the next one comes; not over a gap or a clock that was set back.
     steps = np.where((steps > 0) & (steps < 10 * usual), steps, usual)
-    return _Recorded(path.name, data, np.append(steps, usual))
+    return Recorded(path.name, data, np.append(steps, usual))
 
 
-def _learn(items: Sequence[_Recorded], part: FeatureMap, places: list[int]) -> Constraints:
+def learn_safe(items: Sequence[Recorded], part: FeatureMap, places: list[int]) -> Constraints:
+    """Learn rules from safe recordings.
+
+    Args:
+        items: the recordings.
+        part: the map of the features to use.
+        places: where these stand in the recordings.
+    """
     values = np.concatenate([item.data.values[:, places] for item in items])
     episodes = np.repeat(np.arange(len(items)), [len(item.data) for item in items])
     return learn(
@@ -148,7 +183,7 @@ def _learn(items: Sequence[_Recorded], part: FeatureMap, places: list[int]) -> C
     )
 
 
-def _tried(item: _Recorded, constraints: Constraints, places: list[int]) -> dict[str, Any]:
+def _tried(item: Recorded, constraints: Constraints, places: list[int]) -> dict[str, Any]:
     """Judge a recording; return shares of time and the rules that took most of it."""
     judgement = constraints.rule_set.judge(item.data.values[:, places])
     total = item.seconds.sum()
@@ -171,10 +206,10 @@ def _tried(item: _Recorded, constraints: Constraints, places: list[int]) -> dict
 
 
 def _held_back(
-    item: _Recorded, safe: Sequence[_Recorded], part: FeatureMap, places: list[int]
+    item: Recorded, safe: Sequence[Recorded], part: FeatureMap, places: list[int]
 ) -> dict[str, Any]:
     """Judge a safe recording by rules learned from the others."""
-    constraints = _learn([other for other in safe if other is not item], part, places)
+    constraints = learn_safe([other for other in safe if other is not item], part, places)
     result = _tried(item, constraints, places)
     lows, highs = constraints.rule_set.demonstrated.T
     values = item.data.values[:, places]
@@ -185,7 +220,7 @@ def _held_back(
 
 
 def _bumped(
-    item: _Recorded, constraints: Constraints, places: list[int], bumper: list[int]
+    item: Recorded, constraints: Constraints, places: list[int], bumper: list[int]
 ) -> dict[str, Any]:
     """Judge a recording in which the bumper fired, and each interval in which it did."""
     judgement = constraints.rule_set.judge(item.data.values[:, places])
@@ -199,7 +234,7 @@ def _bumped(
 
 
 def _interval(
-    item: _Recorded, constraints: Constraints, judgement: Judgement, rows: slice
+    item: Recorded, constraints: Constraints, judgement: Judgement, rows: slice
 ) -> dict[str, Any]:
     seconds = (item.data.stamps_ns[rows] - item.data.stamps_ns[0]) * 1e-9
     first = judgement.rule[rows][judgement.rule[rows] >= 0][:1]

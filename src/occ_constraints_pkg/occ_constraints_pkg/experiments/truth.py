@@ -38,8 +38,10 @@ LEVELS = {'expert': None, 'mixed': 0.045}
 """Names of the levels, and the share of costly samples that is mixed to."""
 
 _FEWEST_SAMPLES = 1000
-_JUDGED_EPISODES = 50
-_FORMAT = 1
+_JUDGED_EPISODES = 200
+# Draws share no episode as long as that takes no more than these.
+_MOST_EPISODES = 500
+_FORMAT = 2
 
 
 def worlds_with_truth() -> list[str]:
@@ -64,7 +66,8 @@ def run_truth(
     Args:
         output: directory of the results.
         samples: largest number of demonstrated samples; the others are powers of ten from 1000.
-        draws: demonstrations drawn per line, from twice as many episodes as the largest needs.
+        draws: demonstrations drawn per line. The largest share no episode if that takes 500 at
+            most; else they are drawn from twice as many episodes as one needs.
         seed: seed of all chance.
         names: the worlds to run; all if empty.
         progress: called with (lines done, lines in all).
@@ -105,7 +108,7 @@ def run_truth(
             if f'{world}, {level}, {size}' not in lines
         ]
         done += len(LEVELS) * len(sizes) - len(todo)
-        drives = _Drives(world, max(sizes), seed) if todo else None
+        drives = _Drives(world, max(sizes), draws, seed) if todo else None
         for level, size in todo:
             # Not hash(): that differs from process to process.
             rng = np.random.default_rng([seed, size, *f'{world} {level}'.encode()])
@@ -126,14 +129,15 @@ def run_truth(
 class _Drives:
     """Drives in one world, to learn from and to judge on."""
 
-    def __init__(self, world: str, samples: int, seed: int) -> None:
+    def __init__(self, world: str, samples: int, draws: int, seed: int) -> None:
         self.world = world
         self.map: FeatureMap = load_feature_map(world)
         self.heedless_name = next(
             (name for name in ('straightv', 'straight') if name in DRIVERS[world]), 'blind expert'
         )
         steps = make_world(world, 1).max_episode_steps + 1
-        episodes = 2 * -(-samples // steps)
+        needed = -(-samples // steps)
+        episodes = max(2 * needed, min(draws * needed, _MOST_EPISODES))
         rng = np.random.default_rng([seed, *world.encode()])
 
         def drive(name: str, count: int, number: int) -> tuple[np.ndarray, np.ndarray]:
@@ -144,7 +148,7 @@ class _Drives:
             return drive_states(world, driver, self.map, count, 10_000 * number + seed)
 
         self.expert = drive('expert', episodes, 1)
-        self.heedless = drive(self.heedless_name, max(episodes // 2, _JUDGED_EPISODES), 2)
+        self.heedless = drive(self.heedless_name, max(needed, _JUDGED_EPISODES), 2)
         self.unseen = drive('expert', _JUDGED_EPISODES, 3)
         self.judged = {
             name: drive(name, _JUDGED_EPISODES, 4 + number)
@@ -155,7 +159,12 @@ class _Drives:
         self, level: str, samples: int, draws: int, rng: np.random.Generator
     ) -> dict[str, Any]:
         """Learn and judge ``draws`` times; return means and standard deviations."""
-        found = [self._once(level, samples, rng) for _ in range(draws)]
+        order = rng.permutation(len(self.expert[0]))
+        count = max(1, samples // self.expert[0].shape[1])
+        found = [
+            self._once(level, order.take(np.arange(count) + number * count, mode='wrap'), rng)
+            for number in range(draws)
+        ]
         table = np.array([list(item.values()) for item in found], dtype=np.float64)
         summary = {
             name: {'mean': _rounded(mean), 'std': _rounded(deviation)}
@@ -171,8 +180,8 @@ class _Drives:
             **summary,
         }
 
-    def _once(self, level: str, samples: int, rng: np.random.Generator) -> dict[str, float]:
-        values, costly = self._demonstrations(LEVELS[level], samples, rng)
+    def _once(self, level: str, drawn: np.ndarray, rng: np.random.Generator) -> dict[str, float]:
+        values, costly = self._demonstrations(LEVELS[level], drawn, rng)
         rule_set = learn(
             values, np.zeros(len(values)), self.map.space, OCTreeSettings(), rng=rng
         ).rule_set
@@ -191,12 +200,11 @@ class _Drives:
         return row
 
     def _demonstrations(
-        self, share: float | None, samples: int, rng: np.random.Generator
+        self, share: float | None, drawn: np.ndarray, rng: np.random.Generator
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return (n, k) states and (n,) whether they are costly."""
+        """Return (n, k) states and (n,) whether they are costly, with as many drives as drawn."""
         values, costly = self.expert
-        count = max(1, samples // values.shape[1])
-        drawn = rng.permutation(len(values))[:count]
+        count = len(drawn)
         parts = [(values[drawn], costly[drawn])]
         if share is not None:
             other, other_costly = self.heedless

@@ -4,88 +4,61 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.parameter import Parameter
 from sensor_msgs.msg import PointCloud2
-from std_msgs.msg import Float64, String
+from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
-from visualization_msgs.msg import MarkerArray
 
-from occ_constraints_pkg.bags.extract import FeatureExtractor, FeatureRows
 from occ_constraints_pkg.bags.feature_map import map_of
-from occ_constraints_pkg.bags.fields import header_stamp_ns
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.learning.pruning import prune
-from occ_constraints_pkg.ros.arrival import ArrivalClock
-from occ_constraints_pkg.ros.diagnostics import report_message, unknown_message, violation_message
-from occ_constraints_pkg.ros.mapped_topics import MappedTopics
-from occ_constraints_pkg.ros.markers import verdict_marker
+from occ_constraints_pkg.ros.diagnostics import report_message
+from occ_constraints_pkg.ros.judging import Judging
+from occ_constraints_pkg.ros.managed import ManagedNode
 from occ_constraints_pkg.ros.messages import table_message
-from occ_constraints_pkg.ros.process import OccNode, run_node
+from occ_constraints_pkg.ros.process import run_node
 from occ_constraints_pkg.ros.qos import LATCHED, VERDICTS, overridable
-from occ_constraints_pkg.ros.tables import costs_table, rule_stats_table
-from occ_constraints_pkg.rules import Judgement
+from occ_constraints_pkg.ros.rules_in_force import RulesInForce
+from occ_constraints_pkg.ros.tables import rule_stats_table
+from occ_constraints_pkg.ros.verdict_topics import VerdictTopics
 from occ_constraints_pkg.rules.constraints_file import (
     Constraints,
     load_constraints,
     parse_constraints,
 )
-from occ_constraints_pkg.rules.kept_counts import KeptCounts
+from occ_constraints_pkg.rules.edits import RuleEdits
+from occ_constraints_pkg.rules.forecast import HORIZON_SECONDS, WINDOW_SECONDS
 
 _REPORT_SECONDS = 1.0
-_DISABLED = 'the monitor is disabled'
+_WATCH_SECONDS = 0.1
+_DEBOUNCE = {
+    'trigger_count': 'violated verdicts of the last trigger_window that people are told',
+    'trigger_window': 'verdicts among which they are counted',
+    'release_count': 'safe verdicts in a row until people are told SAFE again',
+}
+# Parameters that change the rules, in the order that RuleEdits takes them.
+_EDITS = ('disabled_rules', 'enabled_rules', 'moved_bounds')
 
 
-@dataclass
-class _Answer:
-    """What was published for the newest input, for when that is repeated; none if unjudged."""
-
-    rows: FeatureRows
-    judgement: Judgement
-
-
-class Monitor(OccNode):
+class Monitor(ManagedNode):
     """Publishes cost, verdict and margin for every row of features."""
 
     def __init__(self) -> None:
         super().__init__('monitor')
-        path = self.parameter(
-            'constraints_file', '', 'rules to start with; none: wait for the topic constraints'
+        self._declare()
+        # The newest text on the topic constraints, and that of the rules in force.
+        self._offered = self._received = ''
+        self._rules = RulesInForce(self)
+        self._topics = VerdictTopics(self)
+        self._judging = Judging(self, self._rules, self._topics)
+        self._rule_stats = self.create_publisher(
+            PointCloud2, 'rule_stats', VERDICTS, qos_overriding_options=overridable()
         )
-        self._timeout = self.parameter(
-            'timeout', 1.0, 'seconds without input until the verdict is UNKNOWN', low=0.01
-        )
-        self._threshold = self.parameter(
-            'prune_threshold', 0.001, 'ratio under which ~/prune disables rules', low=0.0, high=1.0
-        )
-        self._pruned_file = self.parameter(
-            'pruned_file', '', 'where ~/prune writes the constraints file; none: nowhere'
-        )
-        self._counts_file = self.parameter('counts_file', '', 'where counters outlive a restart')
-        self._enabled = self.parameter('enabled', True, 'judge from the start; see ~/enable')
-
-        self._constraints: Constraints | None = None
-        self._received: str | None = None
-        self._counts: KeptCounts | None = None
-        self._extractor: FeatureExtractor | None = None
-        self._topics: MappedTopics | None = None
-        self._answer: _Answer | None = None
-        # Why nothing is judged; empty while the newest input is.
-        self._problem = 'no rule set yet'
-        self._stamp_ns = 0
-        self._arrival = ArrivalClock(self, self._timeout)
-        self._heard, self._is_stale = self.steady_seconds(), False
-
-        self._cost = self._publisher(Float64, 'cost')
-        self._costs = self._publisher(PointCloud2, 'costs')
-        self._violation = self._publisher(DiagnosticArray, 'violation')
-        self._rule_stats = self._publisher(PointCloud2, 'rule_stats')
-        self._markers = self._publisher(MarkerArray, 'markers')
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
-        if path:
-            self._use(load_constraints(path), path)
         self.create_subscription(
             String,
             'constraints',
@@ -96,153 +69,163 @@ class Monitor(OccNode):
         self.create_service(Trigger, '~/prune', self._on_prune)
         self.create_service(Trigger, '~/reset_stats', self._on_reset_stats)
         self.create_service(SetBool, '~/enable', self._on_enable)
-        self.steady_timer(min(self._timeout / 2, 0.1), self._watch)
+        self.add_on_set_parameters_callback(self._check_edits)
+        self.add_post_set_parameters_callback(self._on_edits)
+        self.steady_timer(_WATCH_SECONDS, self._judging.watch)
         self.steady_timer(_REPORT_SECONDS, self._report)
 
-    def _publisher(self, kind: Any, topic: str) -> Any:
-        return self.create_publisher(kind, topic, VERDICTS, qos_overriding_options=overridable())
-
-    def _on_constraints(self, message: String) -> None:
-        # A latched rule set comes again when its publisher restarts; the counters stay.
-        if message.data == self._received:
-            return
-        try:
-            self._use(parse_constraints(message.data, 'topic constraints'), 'topic constraints')
-            self._received = message.data
-        except OccError as error:
-            self.get_logger().error(f'rule set refused, the one before stays: {error}')
-
-    def _use(self, constraints: Constraints, where: str) -> None:
-        feature_map, rule_set = map_of(constraints, where), constraints.rule_set
-        # The same topics are kept, so that no message is missed when only the rules change.
-        if self._extractor is None or self._extractor.feature_map != feature_map:
-            topics = MappedTopics(self, feature_map, self._on_input)
-            if self._topics is not None:
-                self._topics.close()
-            self._topics, self._extractor = topics, FeatureExtractor(feature_map)
-            self._heard = self.steady_seconds()
-        self._constraints, self._counts = constraints, KeptCounts(rule_set, self._counts_file)
-        self._answer, self._problem = None, 'no input since the rules came'
-        self.get_logger().info(
-            f'{len(rule_set.order)} enabled rules from {where}, rule set {rule_set.fingerprint}'
-            + (f'; counters go on from {self._counts_file}' if self._counts.resumed else '')
+    def _declare(self) -> None:
+        self.setting(
+            'constraints_file', '', 'rules to start with; none: wait for the topic constraints'
         )
-        if not len(rule_set.order):
-            self.get_logger().warning(f'{where} enables no rule, so nothing will be a violation')
+        self.setting('timeout', 1.0, 'seconds without input until the verdict is UNKNOWN', low=0.01)
+        self.setting(
+            'max_lead', 1.0, 'seconds that a stamp may be ahead of the clock; 0: any', low=0.0
+        )
+        self.setting(
+            'prune_threshold', 0.001, 'ratio under which ~/prune disables rules', low=0.0, high=1.0
+        )
+        self.setting('pruned_file', '', 'where ~/prune writes the constraints file; none: nowhere')
+        self.setting('counts_file', '', 'where counters outlive a restart')
+        self.setting(
+            'warning_horizon',
+            HORIZON_SECONDS,
+            'seconds within which an estimated violation is warned of; 0: never',
+            low=0.0,
+        )
+        self.setting(
+            'warning_window',
+            WINDOW_SECONDS,
+            'seconds over which rates of change are looked for',
+            low=0.001,
+        )
+        for name, words in _DEBOUNCE.items():
+            self.setting(name, 1, words, low=1)
+        self.live_setting('disabled_rules', [], 'ids of rules to disable')
+        self.live_setting('enabled_rules', [], 'ids of rules to enable though the file does not')
+        self.live_setting('moved_bounds', [], "other bounds, each like 'RULE: FEATURE > 0.9'")
+        self.setting('enabled', True, 'judge from the start; see ~/enable')
 
-    def _on_input(self, topic: str, message: Any) -> None:
-        now = self._arrival.now_ns()
-        try:
-            rows = self._extractor.push(topic, message, now)
-            if rows is not None and not len(rows.values):
-                raise OccError(f'topic {topic!r} brought a table without rows')
-        except OccError as error:
-            self._heard, self._is_stale = self.steady_seconds(), False
-            self.get_logger().error(f'input refused: {error}', throttle_duration_sec=1.0)
-            self._answer = None
-            self._say_unknown(str(error), header_stamp_ns(message) or now)
-            return
-        if rows is None:
-            return
-        if rows.repeat and self._answer is not None:
-            # Nothing new: in lock-step somebody may wait for the answer, but a sensor that only
-            # repeats itself must not pass for a live one.
-            self._costs.publish(table_message(costs_table(self._answer.judgement), rows.stamp_ns))
-            if not self._is_stale:
-                self._publish_verdict(self._answer)
-            return
-        self._heard, self._is_stale = self.steady_seconds(), False
-        problem = self._arrival.problem() if self._enabled else _DISABLED
-        if problem:
-            self._answer = None
-            self._say_unknown(problem, rows.stamp_ns)
-            return
-        judgement = self._constraints.rule_set.judge(rows.values)
-        self._counts.add_stamped(judgement, rows.stamp_ns)
-        self._answer = answer = _Answer(rows, judgement)
-        self._costs.publish(table_message(costs_table(judgement), rows.stamp_ns))
-        self._publish_verdict(answer)
+    def configure(self) -> None:
+        """Load the rules and subscribe to their topics."""
+        self._judging.debounce(*(self.value(name) for name in _DEBOUNCE))
+        self._judging.is_enabled = self.value('enabled')
+        self._topics.warning.horizon = self.value('warning_horizon')
+        self._topics.warning.window = self.value('warning_window')
+        self._rules.counts_file = self.value('counts_file')
+        self._rules.edits = self._edits()
+        path = self.value('constraints_file')
+        if path:
+            self._use(load_constraints(path), path, strict=True)
+        if self._offered:
+            self._take(self._offered)
 
-    def _publish_verdict(self, answer: _Answer) -> None:
-        judgement, stamp = answer.judgement, answer.rows.stamp_ns
-        self._problem, self._stamp_ns = '', stamp
-        self._cost.publish(Float64(data=float(judgement.cost[0])))
-        rule_set, values = self._constraints.rule_set, answer.rows.values
-        if self._violation.get_subscription_count():
-            self._violation.publish(violation_message(rule_set, values, judgement, stamp))
-        if self._markers.get_subscription_count():
-            self._markers.publish(verdict_marker(rule_set, judgement, stamp))
+    def activate(self) -> None:
+        """Begin to judge."""
+        self._judging.start()
 
-    def _watch(self) -> None:
-        """Turn to UNKNOWN when the input falls silent; runs on the steady clock."""
-        if self._constraints is None or self._is_stale:
-            return
-        if self.steady_seconds() - self._heard > self._timeout:
-            self._is_stale = True
-            self._say_stale()
+    def deactivate(self) -> None:
+        """Say UNKNOWN once more, and then nothing."""
+        self._judging.stop()
 
-    def _say_stale(self) -> None:
-        reason = self._topics.problem() or f'no new input for {self._timeout:g} s'
-        self._say_unknown(reason, self._stamp_ns)
-
-    def _say_unknown(self, reason: str, stamp_ns: int) -> None:
-        self._problem, self._stamp_ns = reason, stamp_ns
-        self._cost.publish(Float64(data=1.0))
-        self._violation.publish(unknown_message(reason, stamp_ns))
+    def cleanup(self) -> None:
+        """Drop the rules and their topics; the counters are kept."""
+        self._rules.drop()
+        self._judging.close()
+        self._received = ''
 
     def close(self) -> None:
         """Keep the counters."""
-        if self._counts is not None:
-            self._counts.keep()
+        self._rules.keep()
+
+    def _on_constraints(self, message: String) -> None:
+        self._offered = message.data
+        if self.state in ('inactive', 'active'):
+            self._take(message.data)
+
+    def _take(self, text: str) -> None:
+        # A latched rule set comes again when its publisher restarts; the counters stay.
+        if text == self._received:
+            return
+        try:
+            self._use(parse_constraints(text, 'topic constraints'), 'topic constraints')
+            self._received = text
+        except OccError as error:
+            self.get_logger().error(f'rule set refused, the one before stays: {error}')
+
+    def _use(self, constraints: Constraints, where: str, *, strict: bool = False) -> None:
+        feature_map = map_of(constraints, where)
+        rules = self._rules.prepare(constraints, where, strict=strict)
+        self._judging.listen(feature_map, self.value('timeout'), self.value('max_lead'))
+        self._rules.use(rules)
+        self._judging.forget('no input since the rules came')
+
+    def _edits(self, changed: Sequence[Parameter] = ()) -> RuleEdits:
+        """Return the edits that the parameters ask for, once some of them have changed."""
+        values = {name: self.value(name) for name in _EDITS}
+        for item in changed:
+            if item.name in values:
+                values[item.name] = [text for text in item.value if text]
+        return RuleEdits.parse(*values.values())
+
+    def _check_edits(self, parameters: list[Parameter]) -> SetParametersResult:
+        try:
+            if _is_edit(parameters):
+                self._rules.check(self._edits(parameters))
+        except OccError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _on_edits(self, parameters: list[Parameter]) -> None:
+        if _is_edit(parameters):
+            self._rules.edit(self._edits())
+            self._judging.forget('no input since the rules were edited')
 
     def _report(self) -> None:
-        self.close()
-        if self._is_stale:
-            # Again, for whoever has come since.
-            self._say_stale()
+        self._rules.keep()
+        self._judging.insist()
         now = self.get_clock().now().nanoseconds
         values: dict[str, object] = {
-            'enabled': self._enabled,
+            'state': self.state,
+            'enabled': self._judging.is_enabled,
             # Lets a test or a launch script start the input only when its listeners are there.
-            'subscribers': min(p.get_subscription_count() for p in (self._costs, self._violation)),
+            'subscribers': self._topics.subscribers,
         }
-        if self._constraints is not None:
-            values['rule_set'] = self._constraints.rule_set.fingerprint
-            if self._constraints.rule_set.rules:
-                self._rule_stats.publish(table_message(rule_stats_table(self._counts), now))
+        rule_set = self._rules.rule_set
+        if rule_set is not None:
+            values['rule_set'] = rule_set.fingerprint
+            if rule_set.rules and self.is_active:
+                self._rule_stats.publish(table_message(rule_stats_table(self._rules.counts), now))
         name = f'{self.get_fully_qualified_name().lstrip("/")}: judging'
-        judgement = None if self._problem else self._answer.judgement
-        self._diagnostics.publish(report_message(name, judgement, self._problem, values, now))
+        message = report_message(name, self._judging.state, self._judging.problem, values, now)
+        self._diagnostics.publish(message)
 
     def _on_prune(self, _request: Any, response: Any) -> Any:
         try:
-            if self._constraints is None:
-                raise OccError('there is no rule set yet')
-            result = prune(self._constraints.rule_set.with_counts(self._counts), self._threshold)
-            pruned = self._constraints.with_rule_set(result.rule_set)
-            response.success, response.message = True, result.words
-            if self._pruned_file:
-                pruned.save(self._pruned_file)
-                response.message += f'; written to {self._pruned_file}'
-            self._constraints, self._counts = pruned, KeptCounts(result.rule_set, self._counts_file)
-            self._answer, self._problem = None, 'no input since the rules were pruned'
+            response.message = self._rules.prune(
+                self.value('prune_threshold'), self.value('pruned_file')
+            )
+            response.success = True
+            self._judging.forget('no input since the rules were pruned')
         except OccError as error:
             response.success, response.message = False, str(error)
         return response
 
     def _on_reset_stats(self, _request: Any, response: Any) -> Any:
-        if self._counts is not None:
-            self._counts.reset()
+        if self._rules.counts is not None:
+            self._rules.counts.reset()
         response.success, response.message = True, 'all counters are 0'
         return response
 
     def _on_enable(self, request: Any, response: Any) -> Any:
-        self._enabled = bool(request.data)
-        if not self._enabled:
-            self._answer = None
-            self._say_unknown(_DISABLED, self._stamp_ns)
-        response.success, response.message = True, 'enabled' if self._enabled else 'disabled'
+        self._judging.enable(bool(request.data))
+        word = 'enabled' if self._judging.is_enabled else 'disabled'
+        response.success, response.message = True, word
         return response
+
+
+def _is_edit(parameters: Sequence[Parameter]) -> bool:
+    return any(item.name in _EDITS for item in parameters)
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -10,6 +10,7 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from occ_constraints_pkg.ros.messages import to_time
+from occ_constraints_pkg.rules.forecast import Forecast
 from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.rules.verdict import Judgement, Verdict
 
@@ -25,7 +26,11 @@ _LEVELS = {
 
 
 def violation_message(
-    rule_set: RuleSet, values: np.ndarray, judgement: Judgement, stamp_ns: int
+    rule_set: RuleSet,
+    values: np.ndarray,
+    judgement: Judgement,
+    stamp_ns: int,
+    more: dict[str, object] | None = None,
 ) -> DiagnosticArray:
     """Describe a single robot, or the first few of a batch that are not safe.
 
@@ -37,6 +42,7 @@ def violation_message(
         values: (n, k) the features judged.
         judgement: of the n rows.
         stamp_ns: stamp of the input.
+        more: what else to tell of robot 0, as :func:`foreseen_values`; None for nothing.
     """
     robots = np.flatnonzero(judgement.verdict != Verdict.SAFE)[:_MOST_ROBOTS]
     if not len(robots):
@@ -46,22 +52,45 @@ def violation_message(
     message.status = [
         status
         for robot in robots
-        for status in _robot_statuses(rule_set, values[robot], judgement, int(robot))
+        for status in _robot_statuses(
+            rule_set, values[robot], judgement, int(robot), more if robot == 0 else None
+        )
     ]
     return message
 
 
-def unknown_message(reason: str, stamp_ns: int) -> DiagnosticArray:
+def foreseen_values(rule_set: RuleSet, forecast: Forecast, horizon: float) -> dict[str, object]:
+    """Return what a forecast says, for people.
+
+    Args:
+        rule_set: the rules it speaks of.
+        forecast: of one robot.
+        horizon: seconds within which ``warning`` puts it in words, if the robot is safe still.
+    """
+    values: dict[str, object] = {'time_to_violation': forecast.seconds}
+    if forecast.rule >= 0:
+        rule, feature = rule_set.rules[forecast.rule], rule_set.space.names[forecast.feature]
+        values |= {'next_rule': rule.id, 'deciding_feature': feature}
+        if 0.0 < forecast.seconds <= horizon:
+            values['warning'] = (
+                f'estimate: {rule.words(rule_set.space)} in {forecast.seconds:.2g} s, decided by '
+                f'{feature}'
+            )
+    return values
+
+
+def unknown_message(reason: str, rule_set: RuleSet | None, stamp_ns: int) -> DiagnosticArray:
     """Say that nothing can be judged, and why; ``stamp_ns`` is that of the last input."""
+    values = _summary(0, Verdict.UNKNOWN, math.nan, rule_set)
     message = DiagnosticArray()
     message.header.stamp = to_time(stamp_ns)
-    message.status = [status(_VERDICT_NAME, DiagnosticStatus.STALE, f'UNKNOWN: {reason}')]
+    message.status = [status(_VERDICT_NAME, DiagnosticStatus.STALE, f'UNKNOWN: {reason}', values)]
     return message
 
 
 def report_message(
     name: str,
-    judgement: Judgement | None,
+    state: Verdict,
     problem: str,
     values: dict[str, object],
     stamp_ns: int,
@@ -70,14 +99,13 @@ def report_message(
 
     Args:
         name: of the status.
-        judgement: the newest one; its worst verdict is reported.
-        problem: why there is none.
+        state: the verdict to report.
+        problem: why nothing is judged.
         values: what else to tell.
         stamp_ns: now.
     """
-    verdict = Verdict.UNKNOWN if judgement is None else Verdict(judgement.verdict.max(initial=0))
-    text = f'{verdict.name}: {problem}' if problem else verdict.name
-    message = DiagnosticArray(status=[status(name, _LEVELS[verdict], text, values)])
+    text = f'{state.name}: {problem}' if problem else state.name
+    message = DiagnosticArray(status=[status(name, _LEVELS[state], text, values)])
     message.header.stamp = to_time(stamp_ns)
     return message
 
@@ -114,22 +142,26 @@ def status(
 
 
 def _robot_statuses(
-    rule_set: RuleSet, sample: np.ndarray, judgement: Judgement, robot: int
+    rule_set: RuleSet,
+    sample: np.ndarray,
+    judgement: Judgement,
+    robot: int,
+    more: dict[str, object] | None,
 ) -> list[DiagnosticStatus]:
     verdict = Verdict(judgement.verdict[robot])
-    summary = {
-        'robot': robot,
-        'verdict': verdict.name,
-        'margin': float(judgement.margin[robot]),
-        'rule_set': rule_set.fingerprint,
-    }
+    summary = _summary(robot, verdict, float(judgement.margin[robot]), rule_set)
+    summary |= more or {}
     if verdict is Verdict.UNKNOWN:
-        text = f'UNKNOWN: {_why_unknown(rule_set, sample)}'
+        text = f'UNKNOWN: {summary.get("reason") or _why_unknown(rule_set, sample)}'
+        return [status(_VERDICT_NAME, _LEVELS[verdict], text, summary, robot)]
+    if verdict is Verdict.SAFE:
+        words = summary.get('warning', '')
+        text = f'SAFE: {words}' if words else 'SAFE'
         return [status(_VERDICT_NAME, _LEVELS[verdict], text, summary, robot)]
     margins = rule_set.rule_margins(sample)
     violated = rule_set.violated_rules(sample)
     words = '; '.join(rule_set.rules[index].words(rule_set.space) for index in violated)
-    text = f'{verdict.name}: {words}' if words else verdict.name
+    text = f'{verdict.name}: {words}'
     statuses = [status(_VERDICT_NAME, _LEVELS[verdict], text, summary, robot)]
     for index in violated:
         rule = rule_set.rules[index]
@@ -144,6 +176,13 @@ def _robot_statuses(
         name = f'monitor: rule {rule.id}'
         statuses.append(status(name, DiagnosticStatus.ERROR, details['text'], details, robot))
     return statuses
+
+
+def _summary(
+    robot: int, verdict: Verdict, margin: float, rule_set: RuleSet | None
+) -> dict[str, object]:
+    summary = {'robot': robot, 'verdict': verdict.name, 'margin': margin}
+    return summary if rule_set is None else {**summary, 'rule_set': rule_set.fingerprint}
 
 
 def _why_unknown(rule_set: RuleSet, sample: np.ndarray) -> str:

@@ -71,6 +71,9 @@ class OccNode(Node):
         if not self.done.done():
             self.done.set_result(exit_code)
 
+    def begin(self) -> None:
+        """Begin to work; called once, before the node spins."""
+
     def close(self) -> None:
         """Release files and threads; called once before the node is destroyed."""
 
@@ -124,8 +127,9 @@ class OccNode(Node):
         *,
         low: float | None = None,
         high: float | None = None,
+        read_only: bool = True,
     ) -> _Value:
-        """Declare a read-only parameter and return its value.
+        """Declare a parameter and return its value.
 
         A whole number will do for one with a decimal point, and one text for a list of texts.
 
@@ -136,11 +140,12 @@ class OccNode(Node):
             description: one sentence for ``ros2 param describe``.
             low: smallest allowed number.
             high: largest allowed number.
+            read_only: whether it keeps the value that it has at the start.
 
         Raises:
             OccError: a value was given that has another type or is out of range.
         """
-        descriptor = ParameterDescriptor(description=description, read_only=True)
+        descriptor = ParameterDescriptor(description=description, read_only=read_only)
         if low is not None or high is not None:
             if isinstance(default, int):
                 bounds = IntegerRange(
@@ -230,6 +235,7 @@ def run_node(make_node: Callable[[], OccNode], argv: Sequence[str] | None = None
             _initialise(list(argv or []))
             node = make_node()
             node.warn_of_unknown_parameters()
+            node.begin()
             code = _spin(node)
         except (KeyboardInterrupt, ExternalShutdownException):
             code = 0

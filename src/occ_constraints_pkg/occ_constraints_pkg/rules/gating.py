@@ -57,6 +57,34 @@ class Debounce:
         self._good_in_a_row = 0
 
 
+class SteadyVerdict:
+    """A verdict that does not flicker, for people: VIOLATED after debouncing, SAFE likewise.
+
+    UNKNOWN is taken over at once, and left only as a violation is: after ``release_count`` safe
+    verdicts in a row, or for VIOLATED. It begins with UNKNOWN. See :class:`Debounce` for the
+    arguments; with 1, 1 and 1 the state is the verdict.
+
+    Attributes:
+        state: the steady verdict.
+    """
+
+    def __init__(self, trigger_count: int, trigger_window: int, release_count: int) -> None:
+        self._debounce = Debounce(trigger_count, trigger_window, release_count)
+        self._debounce.trip()
+        self.state = Verdict.UNKNOWN
+
+    def add(self, verdict: Verdict) -> Verdict:
+        """Take one more verdict and return the state."""
+        self._debounce.add(verdict is not Verdict.SAFE)
+        if verdict is Verdict.UNKNOWN:
+            self._debounce.trip()
+        if not self._debounce.tripped:
+            self.state = Verdict.SAFE
+        elif verdict is not Verdict.SAFE:
+            self.state = verdict
+        return self.state
+
+
 @dataclass(frozen=True)
 class GateSettings:
     """When a gate slows down and stops.

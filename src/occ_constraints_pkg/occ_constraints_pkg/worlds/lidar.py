@@ -8,6 +8,7 @@ import numpy as np
 
 BINS = 16
 MAX_DISTANCE = 3.0
+_NEIGHBOURS = np.array([0, 1, -1])[:, None, None]
 
 
 def lidar_readings(
@@ -32,23 +33,22 @@ def lidar_readings(
     Returns:
         (N, L, 16), within [0, 1].
     """
+    # Ahead and aside as a complex number: half as many calls, which are what takes the time.
+    unit = axes[:, :, 0] + 1j * axes[:, :, 1]
     x = objects[..., 0] - position[:, :1]
     y = objects[..., 1] - position[:, 1:2]
-    z = -position[:, 2:]
-    ahead, aside = (
-        x * axes[:, 0, i, None] + y * axes[:, 1, i, None] + z * axes[:, 2, i, None] for i in (0, 1)
-    )
-    strength = np.maximum(0.0, MAX_DISTANCE - np.hypot(ahead, aside)) / MAX_DISTANCE
-    place = np.arctan2(aside, ahead) * (BINS / (2 * np.pi))
+    seen = x * unit[:, :1] + y * unit[:, 1:2] - (position[:, 2] * unit[:, 2])[:, None]
+    strength = np.maximum(0.0, MAX_DISTANCE - np.abs(seen)) / MAX_DISTANCE
+    place = np.arctan2(seen.imag, seen.real) * (BINS / (2 * np.pi))
     left_edge = np.floor(place)
     share = place - left_edge
-    holder = left_edge.astype(np.int64)
     count = int(lidars.max()) + 1
     first = BINS * (count * np.arange(len(objects))[:, None] + lidars)
+    # The bin that holds the object, the next, the one before; numbers of bins are taken modulo 16.
+    bins = first + ((left_edge.astype(np.int64) + _NEIGHBOURS) & (BINS - 1))
+    given = np.stack([strength, share * strength, (1 - share) * strength])
     readings = np.zeros((len(objects), count, BINS))
-    flat = readings.reshape(-1)
-    for offset, reading in ((0, strength), (1, share * strength), (-1, (1 - share) * strength)):
-        np.maximum.at(flat, (first + (holder + offset) % BINS).reshape(-1), reading.reshape(-1))
+    np.maximum.at(readings.reshape(-1), bins.reshape(-1), given.reshape(-1))
     return readings
 
 

@@ -1,10 +1,11 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""The physics of N robots, each on a floor of its own, stepped by MuJoCo's threads."""
+"""The physics of N robots, each on a floor of its own, stepped by MuJoCo on several threads."""
 
 from __future__ import annotations
 
 import os
+from functools import partial
 
 import mujoco
 import numpy as np
@@ -18,9 +19,13 @@ from occ_constraints_pkg.worlds.bodies import (
     Robot,
     scene_mjcf,
 )
+from occ_constraints_pkg.worlds.crew import Crew
 from occ_constraints_pkg.worlds.rotation import matrix_of, matrix_of_yaw, quaternion_of_yaw
 
 SUBSTEPS = 10
+# MuJoCo computes sensors before it integrates, so the readings that belong to the state after ten
+# substeps, under the same control, are those of an eleventh.
+_STEPS = SUBSTEPS + 1
 # Robots nearer than this to something, in m, count as about to touch it, besides what they can
 # travel at their present speed within a step: they may speed up, and things are not that sharp.
 _RESERVE = 0.02
@@ -28,6 +33,8 @@ _RESERVE = 0.02
 _REST_SPEED = 1e-6
 # Below this many robots a thread costs more than it brings.
 _ROBOTS_PER_THREAD = 16
+# What a step with everything around costs, in steps of a robot alone: 3 to 4, as measured.
+_TOGETHER_COST = 4.0
 _MOVABLE_Q, _MOVABLE_V = 7, 6
 
 
@@ -66,18 +73,20 @@ class Physics:
         threads = max(threads, 1)
         self.robot = robot
         self._kind = movable
-        self._pool = rollout.Rollout(nthread=threads if threads > 1 else 0)
+        self._crew = Crew(threads)
         self._alone = _Model(scene_mjcf(robot), num_envs, threads)
         scene = scene_mjcf(robot, movable, pillar=pillars > 0)
         self._together = _Model(scene, num_envs, threads)
-        # One array as MuJoCo's state of both together, and views of its parts.
-        ends = np.cumsum([len(robot.start), _MOVABLE_Q, robot.nv, _MOVABLE_V])
-        self._state = np.zeros((num_envs, ends[-1]))
-        parts = np.split(self._state, ends[:-1], axis=1)
-        self.qpos, self.movable, self.qvel, self.movable_velocity = parts
-        everything = np.arange(ends[-1])
-        self._both_columns = everything
-        self._alone_columns = np.concatenate(np.split(everything, ends[:-1])[::2])
+        # As MuJoCo has them, the clock first, which starts at 0 in every step.
+        nq = len(robot.start)
+        self._robots = np.zeros((num_envs, 1 + nq + robot.nv))
+        self.qpos, self.qvel = self._robots[:, 1 : 1 + nq], self._robots[:, 1 + nq :]
+        self._movables = np.zeros((num_envs, _MOVABLE_Q + _MOVABLE_V))
+        self.movable, self.movable_velocity = np.split(self._movables, [_MOVABLE_Q], axis=1)
+        # Where the two are in the state of both together.
+        ends = np.cumsum([1 + nq, _MOVABLE_Q, robot.nv])
+        parts = np.split(np.arange(ends[-1] + _MOVABLE_V), ends)
+        self._robot_columns, self._movable_columns = np.r_[*parts[::2]], np.r_[*parts[1::2]]
         self.pillars = np.zeros((num_envs, pillars, 2))
         self._moves = np.zeros(num_envs, dtype=bool)
 
@@ -143,10 +152,10 @@ class Physics:
         # It first settles into the soft floor.
         self._moves[rows] = True
         state, control = self._alone.inputs(len(rows), steps=1)
-        state[:, 1:] = self._state[rows[:, None], self._alone_columns]
+        state[:] = self._robots[rows]
         control[:] = 0.0
-        _, sensors = self._alone.run(self._pool, len(rows), steps=1)
-        return self._columns(sensors[:, 0])
+        self._alone.run(0, 0, len(rows), steps=1)
+        return self._columns(self._alone.outputs(len(rows), steps=1)[1][:, 0])
 
     def step(self, control: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Advance every robot by ten substeps.
@@ -159,20 +168,33 @@ class Physics:
             the robots whose physics blew up. Those stay where they were, at rest, and their
             sensors read 0.
         """
-        # Written so that a gap that is not a number goes to the full model.
-        near = ~(self._gap() > 0.0) | self._moves
-        sensors = np.zeros((len(control), len(self.robot.sensors)))
-        failed = np.zeros(len(control), dtype=bool)
-        rows = np.flatnonzero(~near)
-        if len(rows):
-            done = self._advance(self._alone, self._alone_columns, rows, control)
-            sensors[rows], failed[rows] = done
-        rows = np.flatnonzero(near)
-        if len(rows):
-            done = self._advance(self._together, self._both_columns, rows, control)
-            sensors[rows], failed[rows] = done
-            speed = np.abs(self.movable_velocity[rows]).max(axis=1)
-            self._moves[rows] = ~(speed <= _REST_SPEED)
+        near = self._near()
+        alone, together = (~near).nonzero()[0], near.nonzero()[0]
+        state, controls = self._alone.inputs(len(alone), steps=_STEPS)
+        state[:] = self._robots[alone]
+        controls[:] = control[alone, None]
+        state, controls = self._together.inputs(len(together), steps=_STEPS)
+        if len(together):
+            state[:, self._robot_columns] = self._robots[together]
+            state[:, self._movable_columns] = self._movables[together]
+            controls[:, :, :2] = control[together, None]
+            if controls.shape[2] > 2:
+                controls[:, :, 2:4] = self.pillars[together]
+                controls[:, :, 4] = PILLAR_HEIGHT / 2
+        self._crew.share(partial(self._run_share, len(together), len(alone)))
+
+        sensors = np.empty((len(control), len(self.robot.sensors)))
+        failed = np.empty(len(control), dtype=bool)
+        after, sensors[alone], failed[alone] = self._reached(self._alone, len(alone))
+        self._robots[alone] = after
+        if len(together):
+            after, sensors[together], failed[together] = self._reached(
+                self._together, len(together)
+            )
+            self._robots[together] = after[:, self._robot_columns]
+            self._movables[together] = after[:, self._movable_columns]
+            speed = np.abs(self.movable_velocity[together]).max(axis=1)
+            self._moves[together] = ~(speed <= _REST_SPEED)
         if failed.any():
             self.qvel[failed] = 0.0
             self.movable_velocity[failed] = 0.0
@@ -180,60 +202,61 @@ class Physics:
 
     def close(self) -> None:
         """Stop the threads."""
-        self._pool.close()
+        self._crew.close()
 
-    def _gap(self) -> np.ndarray:
-        """(N,) free way, in m, beyond what each robot may travel before it touches something."""
+    def _near(self) -> np.ndarray:
+        """(N,) bool, the robots that need the full model: not alone within the coming step."""
         position = self.position
         linear = 2 if self.robot.is_planar else 3
         speed = np.sqrt((self.qvel[:, :linear] ** 2).sum(axis=1))
         needed = self.robot.reach + SUBSTEPS * self.robot.timestep * speed + _RESERVE
         offset = position - self.movable[:, :3]
         extents = self._kind.half_extents
-        free = np.sqrt((offset**2).sum(axis=1)) - np.sqrt((extents**2).sum())
         # The sphere around the thing is quick to tell; the box around it matters to those within.
-        close = np.flatnonzero(~(free > needed))
+        # Comparisons are written so that what is not a number counts as near.
+        around = np.sqrt((extents**2).sum())
+        near = ~(np.sqrt((offset**2).sum(axis=1)) > needed + around)
+        close = near.nonzero()[0]
         if len(close):
             axes = matrix_of(self.movable[close, 3:])
             local = np.abs(np.einsum('ni,nij->nj', offset[close], axes))
-            free[close] = np.sqrt((np.maximum(local - extents, 0.0) ** 2).sum(axis=1))
+            free = np.sqrt((np.maximum(local - extents, 0.0) ** 2).sum(axis=1))
+            near[close] = ~(free > needed[close])
         if self.pillars.shape[1]:
-            to_pillar = np.hypot(*(position[:, :2] - self.pillars[:, 0]).T) - PILLAR_RADIUS
-            free = np.minimum(free, to_pillar)
-        return free - needed
+            to_pillar = np.hypot(*(position[:, :2] - self.pillars[:, 0]).T)
+            near |= ~(to_pillar > needed + PILLAR_RADIUS)
+        return near | self._moves
 
-    def _advance(
-        self, model: _Model, columns: np.ndarray, rows: np.ndarray, control: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Step some robots; return the sensors there, and which of them failed.
+    def _run_share(self, together: int, alone: int, number: int) -> None:
+        """Step the share of one thread: robots in a row, of about equal cost on all threads.
 
         Args:
-            model: steps them.
-            columns: those of the state that the model knows, in its order.
-            rows: (M,) the robots.
-            control: (N, 2) of all robots.
+            together: number of robots to be stepped with everything around them; they come first.
+            alone: number of robots to be stepped alone.
+            number: of the thread.
         """
-        # MuJoCo computes sensors before it integrates, so the readings that belong to the state
-        # after ten substeps, under the same control, are those of an eleventh.
-        initial, controls = model.inputs(len(rows), steps=SUBSTEPS + 1)
-        initial[:, 1:] = self._state[rows[:, None], columns]
-        controls[:, :, :2] = control[rows, None]
-        if controls.shape[2] > 2:
-            controls[:, :, 2:4] = self.pillars[rows]
-            controls[:, :, 4] = PILLAR_HEIGHT / 2
-        states, readings = model.run(self._pool, len(rows), steps=SUBSTEPS + 1)
+        costs = together * _TOGETHER_COST
+        ends = [(costs + alone) * end / self._crew.size for end in (number, number + 1)]
+        low, high = (round(min(end, costs) / _TOGETHER_COST) for end in ends)
+        self._together.run(number, low, high, steps=_STEPS)
+        low, high = (round(max(end - costs, 0.0)) for end in ends)
+        self._alone.run(number, low, high, steps=_STEPS)
+
+    def _reached(self, model: _Model, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return states, sensor columns and failures of the robots that a model has stepped."""
+        states, readings = model.outputs(count, steps=_STEPS)
         after, sensors = states[:, SUBSTEPS - 1], readings[:, SUBSTEPS]
         # When the numbers blow up MuJoCo resets the state, clock included, or stops. A sum is
         # finite only if all it adds up is, or if it is far beyond any state here.
         timestep = self.robot.timestep
         sums = after.sum(axis=1) + sensors.sum(axis=1)
         failed = (np.abs(after[:, 0] - SUBSTEPS * timestep) > timestep / 2) | ~np.isfinite(sums)
-        readings = self._columns(sensors)
+        after[:, 0] = 0.0
+        sensors = self._columns(sensors)
         if failed.any():
-            readings[failed] = 0.0
-            rows, after = rows[~failed], after[~failed]
-        self._state[rows[:, None], columns] = after[:, 1:]
-        return readings, failed
+            sensors[failed] = 0.0
+            after[failed] = model.inputs(count, steps=_STEPS)[0][failed]
+        return after, sensors, failed
 
     def _columns(self, sensors: np.ndarray) -> np.ndarray:
         """Turn MuJoCo's sensor data into the sensor columns of the observation, as a copy."""
@@ -248,49 +271,55 @@ class _Model:
 
     def __init__(self, mjcf: str, num_envs: int, threads: int) -> None:
         self.model = mujoco.MjModel.from_xml_string(mjcf)
+        # Each thread has its own, and steps its robots by itself.
         self._data = [mujoco.MjData(self.model) for _ in range(threads)]
+        self._rollouts = [rollout.Rollout(nthread=0) for _ in range(threads)]
         spec = mujoco.mjtState.mjSTATE_CTRL
         if self.model.nmocap:
             spec = spec | mujoco.mjtState.mjSTATE_MOCAP_POS
         self._control_spec = int(spec)
         size = mujoco.mj_stateSize(self.model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
-        steps = SUBSTEPS + 1
         self._initial = np.zeros((num_envs, size))
-        self._control = np.zeros(num_envs * steps * mujoco.mj_stateSize(self.model, spec))
-        self._states = np.zeros(num_envs * steps * size)
-        self._sensors = np.zeros(num_envs * steps * self.model.nsensordata)
+        self._control = np.zeros(num_envs * _STEPS * mujoco.mj_stateSize(self.model, spec))
+        self._states = np.zeros(num_envs * _STEPS * size)
+        self._sensors = np.zeros(num_envs * _STEPS * self.model.nsensordata)
 
     def inputs(self, count: int, steps: int) -> tuple[np.ndarray, np.ndarray]:
         """Return the (count, 1 + nq + nv) states and (count, steps, c) controls to fill.
 
-        The first column of the states is the clock and stays 0. Controls are those of the two
-        actuators, then the position of the pillar if there is one.
+        The first column of the states is the clock. Controls are those of the two actuators, then
+        the position of the pillar if there is one.
         """
         return self._initial[:count], self._shaped(self._control, count, steps)
 
-    def run(self, pool: rollout.Rollout, count: int, steps: int) -> tuple[np.ndarray, np.ndarray]:
-        """Step the first ``count`` initial states.
+    def outputs(self, count: int, steps: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return what came of the first ``count`` initial states once they were run.
 
         Returns:
             (count, steps, 1 + nq + nv) states after each step and (count, steps, s) sensor data
-            before it; the next call overwrites both.
+            before it; the next run overwrites both.
         """
-        states = self._shaped(self._states, count, steps)
-        sensors = self._shaped(self._sensors, count, steps)
+        return self._shaped(self._states, count, steps), self._shaped(self._sensors, count, steps)
+
+    def run(self, thread: int, low: int, high: int, steps: int) -> None:
+        """Step the initial states from ``low`` up to ``high``; threads may do so at once."""
+        if low == high:
+            return
+        states, sensors = self.outputs(high, steps)
+        initial, control = self.inputs(high, steps)
         # Our shapes are right by construction, and checking them takes longer than some steps.
-        pool.rollout(
-            [self.model] * count,
-            self._data,
-            self._initial[:count],
-            self._shaped(self._control, count, steps),
+        self._rollouts[thread].rollout(
+            [self.model] * (high - low),
+            [self._data[thread]],
+            initial[low:],
+            control[low:],
             control_spec=self._control_spec,
             skip_checks=True,
             nstep=steps,
-            state=states,
-            sensordata=sensors,
+            state=states[low:],
+            sensordata=sensors[low:],
         )
-        return states, sensors
 
     def _shaped(self, buffer: np.ndarray, count: int, steps: int) -> np.ndarray:
-        width = len(buffer) // (len(self._initial) * (SUBSTEPS + 1))
+        width = len(buffer) // (len(self._initial) * _STEPS)
         return buffer[: count * steps * width].reshape(count, steps, width)

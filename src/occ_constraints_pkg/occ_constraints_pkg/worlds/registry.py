@@ -49,6 +49,8 @@ _CLASSES = {
     'PointPush1': ('safety_gym', 'PointPush1'),
     'CarGoal1': ('safety_gym', 'CarGoal1'),
     'CarPush1': ('safety_gym', 'CarPush1'),
+    'highway': ('highway', 'Highway'),
+    'highway_restricted': ('highway', 'RestrictedHighway'),
 }
 
 WORLDS: tuple[str, ...] = tuple(_CLASSES)

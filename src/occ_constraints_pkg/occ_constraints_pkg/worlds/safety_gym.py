@@ -287,9 +287,9 @@ class SafetyGymWorld(World):
         self._observation[rows, width:] = lidars.reshape(len(sensors), len(self.lidars) * BINS)
 
     def _cost(self) -> np.ndarray:
-        offset = self._hazards - self._position[:, None]
-        nearest = np.hypot(offset[..., 0], offset[..., 1]).min(axis=1)
-        return (nearest <= self.hazard_radius).astype(np.float64)
+        # Hazards first, robots second: the reduction then runs over whole rows.
+        x, y = self._hazards.T - self._position.T[:, None]
+        return (np.hypot(x, y).min(axis=0) <= self.hazard_radius).astype(np.float64)
 
 
 class _Goal(SafetyGymWorld):
@@ -307,7 +307,8 @@ class _Goal(SafetyGymWorld):
     hazard_radius = 0.2
 
     def _distances(self) -> tuple[np.ndarray, np.ndarray]:
-        distance = np.linalg.norm(self._goal - self._position, axis=1)
+        x, y = (self._goal - self._position).T
+        distance = np.sqrt(x * x + y * y)
         return distance, distance
 
 

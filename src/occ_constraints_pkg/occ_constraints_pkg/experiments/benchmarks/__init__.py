@@ -17,5 +17,6 @@ BENCHMARKS = {
     'rules': 'judging by rules beside a decision tree of scikit-learn',
     'monitor': 'the node monitor beside a bare relay of the same messages; takes 4 minutes',
     'bags': 'features of a bag beside its messages deserialized by rosbags',
+    'highway': 'the world highway beside highway-env',
     'worlds': 'the Safety-Gym tasks beside a bare loop of MuJoCo steps',
 }

@@ -16,10 +16,13 @@ from sklearn.tree import DecisionTreeClassifier
 from occ_constraints_pkg.experiments.conditions import machine, versions
 from occ_constraints_pkg.experiments.made_up import TRAINING_ROWS, drives, learned_rules
 from occ_constraints_pkg.rules import RuleSet, Verdict
+from occ_constraints_pkg.rules.forecast import Forecast, Forecaster
 
 _ROWS = 1_000_000
 _LEAST_ROUNDS = 3
 _SINGLE_CALLS = 2000
+# Of the rows that are forecast from: 100 a second.
+_STEP_NS = 10_000_000
 
 
 def run(seconds: float = 5.0) -> dict[str, Any]:
@@ -50,10 +53,17 @@ def run(seconds: float = 5.0) -> dict[str, Any]:
         },
         seconds,
     )
+    forecaster = Forecaster(rule_set)
+
+    def forecast(number: int) -> Forecast:
+        forecaster.add(number * _STEP_NS, rows[number])
+        return forecaster.forecast(Verdict.SAFE, -1)
+
     single = _median(
         {
             'verdict': lambda number: rule_set.verdict(rows[number]),
             'judge': lambda number: rule_set.judge(rows[number : number + 1]),
+            'forecast': forecast,
             'even tree': lambda number: even_tree.predict(rows[number : number + 1]),
         }
     )
@@ -64,6 +74,7 @@ def run(seconds: float = 5.0) -> dict[str, Any]:
             'judge_ns_per_row': per_row['judge'],
             'single_verdict_us': 1e6 * single['verdict'],
             'single_judge_us': 1e6 * single['judge'],
+            'single_forecast_us': 1e6 * single['forecast'],
             'sklearn_per_verdict_ratio': per_row['verdict tree'] / per_row['verdict'],
             'sklearn_per_judge_ratio': per_row['verdict tree'] / per_row['judge'],
             'sklearn_even_per_verdict_ratio': per_row['even tree'] / per_row['verdict'],

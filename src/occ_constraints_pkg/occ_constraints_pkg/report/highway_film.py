@@ -1,0 +1,217 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Drives on the highway as a film or a strip of pictures, with the violated rules beside them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import matplotlib as mpl
+
+mpl.use('Agg')
+
+import numpy as np
+from matplotlib import animation
+from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
+from matplotlib.patches import Polygon
+
+from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.files import replacing
+from occ_constraints_pkg.rules.constraints_file import Constraints
+from occ_constraints_pkg.worlds.highway import Highway
+from occ_constraints_pkg.worlds.highway_scenarios import LANE_WIDTH
+from occ_constraints_pkg.worlds.highway_traffic import HEADING, IDENTITY, LENGTH, WIDTH, X, Y
+
+_ROAD, _LINE, _OTHER, _EGO, _BAD = '#d9d9d9', '#ffffff', '#777777', '#3b6ea5', '#c8362b'
+_DOTS_PER_INCH = 80
+# What is seen of the road, in m behind and ahead of the ego.
+_BEHIND, _AHEAD = 35.0, 85.0
+_SHOTS = 4
+# A frame of the film every so many seconds; it runs twice as fast as the cars.
+_FRAME_SECONDS, _HASTE = 0.8, 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """What happened in one drive.
+
+    Attributes:
+        lanes: number of lanes.
+        vehicles: (T, V, 3) x and y in m and heading in rad of all vehicles, the ego first; y grows
+            to the right.
+        observation: (T, k) what the ego saw.
+        end: ``collision``, ``off the road`` or empty.
+        returned: sum of rewards.
+    """
+
+    lanes: int
+    vehicles: np.ndarray
+    observation: np.ndarray
+    end: str
+    returned: float
+
+
+def drive_through(driver: Callable[[np.ndarray], np.ndarray], number: int) -> Drive:
+    """Drive through a scenario of the world ``highway``.
+
+    Args:
+        driver: takes an observation (1, k) and returns an action (1, 2).
+        number: of the scenario.
+    """
+    world = Highway(1)
+    observation, info = world.start(np.array([0]), [number])
+    seen, vehicles, returned, ended = [], [], 0.0, False
+    while True:
+        traffic = world.traffic
+        order = np.argsort(traffic.whole[IDENTITY, :, 0])
+        vehicles.append(traffic.real[[X, Y, HEADING], :, 0].T[order])
+        seen.append(observation[0])
+        if ended:
+            break
+        observation, reward, terminated, truncated, info = world.step(driver(observation))
+        returned += float(reward[0])
+        ended = bool(terminated[0] | truncated[0])
+    end = 'collision' if info['collision'][0] else 'off the road' if info['off_road'][0] else ''
+    lanes = int(world.traffic.lanes[0])
+    return Drive(lanes, np.array(vehicles), np.array(seen), end, returned)
+
+
+def draw_drives(path: Path, drives: Mapping[str, Drive], constraints: Constraints | None) -> None:
+    """Draw drives under one another.
+
+    Args:
+        path: ``.png`` for a strip of moments of each; ``.gif`` for a film.
+        drives: by the name of who drove, in the same scenario.
+        constraints: the rules by which each state is judged, if any.
+
+    Raises:
+        OccError: the suffix is another one, or the file cannot be written.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in ('.png', '.gif'):
+        raise OccError(f'cannot write {path}: allowed are .png and .gif')
+    broken = {name: _violations(drive, constraints) for name, drive in drives.items()}
+    with replacing(path) as draft:
+        if suffix == '.png':
+            _draw_strip(draft, drives, broken)
+        else:
+            # The writer chooses the format by the name.
+            named = draft.with_name(f'{draft.name}.gif')
+            _draw_film(named, drives, broken)
+            named.replace(draft)
+
+
+def _violations(drive: Drive, constraints: Constraints | None) -> dict[str, np.ndarray]:
+    """Return by the words of each rule that is ever violated where it is, (T,) bool."""
+    if constraints is None:
+        return {}
+    rule_set = constraints.rule_set
+    values = drive.observation[:, : len(rule_set.space.names)].astype(np.float64)
+    truths = {}
+    for index in rule_set.order:
+        rule = rule_set.rules[index]
+        truth = np.all([item.holds(values[:, item.feature]) for item in rule.literals], axis=0)
+        if truth.any():
+            truths[rule.words(rule_set.space)] = truth
+    return truths
+
+
+def _draw_strip(
+    path: Path, drives: Mapping[str, Drive], broken: Mapping[str, Mapping[str, np.ndarray]]
+) -> None:
+    figure = plt.figure(figsize=(12.0, 3.1 * len(drives)))
+    blocks = figure.subfigures(len(drives), 1, squeeze=False)[:, 0]
+    for block, (name, drive) in zip(blocks, drives.items(), strict=True):
+        road, timeline = _axes(block, name, drive, _SHOTS)
+        _draw_timeline(timeline, drive, broken[name])
+        last = len(drive.vehicles) - 1
+        for axis, step in zip(road, np.linspace(0, last, _SHOTS).astype(int), strict=True):
+            _draw_road(axis, drive, step, broken[name])
+            timeline.axvline(step * Highway.step_seconds, color='black', lw=0.6, ls=':')
+    figure.savefig(path, dpi=_DOTS_PER_INCH, format='png')
+    plt.close(figure)
+
+
+def _draw_film(
+    path: Path, drives: Mapping[str, Drive], broken: Mapping[str, Mapping[str, np.ndarray]]
+) -> None:
+    figure = plt.figure(figsize=(10.0, 1.3 * len(drives)))
+    blocks = figure.subfigures(len(drives), 1, squeeze=False)[:, 0]
+    parts = []
+    for block, (name, drive) in zip(blocks, drives.items(), strict=True):
+        (road,), timeline = _axes(block, name, drive, 1)
+        _draw_timeline(timeline, drive, broken[name])
+        parts.append((road, timeline.axvline(0.0, color='black', lw=0.8), drive, broken[name]))
+    longest = max(len(drive.vehicles) for drive in drives.values())
+    stride = round(_FRAME_SECONDS / Highway.step_seconds)
+    writer = animation.PillowWriter(fps=_HASTE / _FRAME_SECONDS)
+    with writer.saving(figure, str(path), _DOTS_PER_INCH * 0.8):
+        for step in range(0, longest, stride):
+            for road, line, drive, truths in parts:
+                now = min(step, len(drive.vehicles) - 1)
+                road.clear()
+                _draw_road(road, drive, now, truths)
+                line.set_xdata([now * Highway.step_seconds] * 2)
+            writer.grab_frame()
+    plt.close(figure)
+
+
+def _axes(block: plt.Figure, name: str, drive: Drive, shots: int) -> tuple[Sequence[Axes], Axes]:
+    grid = block.add_gridspec(
+        shots, 2, width_ratios=(2.0, 1.0), left=0.01, right=0.985, top=0.86, bottom=0.17, wspace=0.4
+    )
+    end = f', {drive.end} after {(len(drive.vehicles) - 1) * Highway.step_seconds:.1f} s'
+    block.suptitle(
+        f'{name}: return {drive.returned:.1f}{end if drive.end else ""}',
+        fontsize=9, x=0.02, ha='left', y=0.99,
+    )  # fmt: skip
+    road = [block.add_subplot(grid[shot, 0]) for shot in range(shots)]
+    return road, block.add_subplot(grid[:, 1])
+
+
+def _draw_road(axis: Axes, drive: Drive, step: int, truths: Mapping[str, np.ndarray]) -> None:
+    """Draw what is around the ego, the right side of the road below."""
+    vehicles = drive.vehicles[step]
+    here = vehicles[0, 0]
+    top, bottom = -LANE_WIDTH / 2, LANE_WIDTH * (drive.lanes - 0.5)
+    axis.axhspan(top, bottom, color=_ROAD, lw=0)
+    for lane in range(1, drive.lanes):
+        axis.axhline(LANE_WIDTH * (lane - 0.5), color=_LINE, lw=1.0, ls=(0, (6, 6)))
+    violated = any(truth[step] for truth in truths.values())
+    ended = drive.end and step == len(drive.vehicles) - 1
+    for index, (x, y, heading) in enumerate(vehicles):
+        along = np.array([np.cos(heading), np.sin(heading)])
+        across = np.array([-along[1], along[0]])
+        corners = [
+            (x - here, y) + a * LENGTH / 2 * along + b * WIDTH / 2 * across
+            for a, b in ((1, 1), (1, -1), (-1, -1), (-1, 1))
+        ]
+        colour = _OTHER if index else _BAD if violated or ended else _EGO
+        axis.add_patch(Polygon(corners, closed=True, color=colour, lw=0))
+    axis.set(xlim=(-_BEHIND, _AHEAD), ylim=(bottom + 1.5, top - 1.5), xticks=[], yticks=[])
+    axis.set_aspect('equal')
+    for spine in axis.spines.values():
+        spine.set_visible(False)
+    speed = drive.observation[step, 0]
+    axis.text(
+        _AHEAD + 2.0, (top + bottom) / 2,
+        f'{step * Highway.step_seconds:.1f} s\n{speed:.0f} m/s', fontsize=7, va='center',
+    )  # fmt: skip
+
+
+def _draw_timeline(axis: Axes, drive: Drive, truths: Mapping[str, np.ndarray]) -> None:
+    """Draw when which rule is violated."""
+    width = Highway.step_seconds
+    for row, truth in enumerate(truths.values()):
+        spans = [(step * width, width) for step in np.flatnonzero(truth)]
+        axis.broken_barh(spans, (row - 0.4, 0.8), color=_BAD, lw=0)
+    if not truths:
+        axis.text(0.5, 0.5, 'no violation', transform=axis.transAxes, ha='center', fontsize=8)
+    axis.set_yticks(range(len(truths)), list(truths), fontsize=7)
+    axis.set(xlim=(0.0, Highway.max_episode_steps * width), ylim=(len(truths) - 0.4, -0.6))
+    axis.tick_params(axis='x', labelsize=7)
+    axis.set_xlabel('time [s]', fontsize=7)
+    axis.grid(axis='x', alpha=0.3)

@@ -1,0 +1,121 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Rows of features from live topics, and a watchdog that says when there are none."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from occ_constraints_pkg.bags.extract import FeatureExtractor, FeatureRows
+from occ_constraints_pkg.bags.feature_map import FeatureMap
+from occ_constraints_pkg.bags.fields import header_stamp_ns
+from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.ros.arrival import ArrivalClock
+from occ_constraints_pkg.ros.mapped_topics import MappedTopics
+from occ_constraints_pkg.ros.process import OccNode
+
+
+class LiveFeatures:
+    """Subscribes to the topics of a feature map and computes its rows.
+
+    Args:
+        node: subscribes.
+        feature_map: what to compute.
+        timeout: seconds without new input after which :attr:`silence` has something to say, and
+            that ``/clock`` may stand still.
+        max_lead: seconds that the header stamp of a message may be ahead of the clock; 0 for any.
+            Stamps of tables tell steps apart and are not looked at.
+        on_rows: called with each input's rows.
+        on_fault: called with the reason and the stamp in ns of an input that gives none.
+
+    Raises:
+        OccError: a topic's name is not valid.
+    """
+
+    def __init__(
+        self,
+        node: OccNode,
+        feature_map: FeatureMap,
+        timeout: float,
+        max_lead: float,
+        on_rows: Callable[[FeatureRows], None],
+        on_fault: Callable[[str, int], None],
+    ) -> None:
+        self._node, self._timeout, self._max_lead_ns = node, timeout, round(max_lead * 1e9)
+        self._on_rows, self._on_fault = on_rows, on_fault
+        self._arrival = ArrivalClock(node, timeout)
+        self._heard = node.steady_seconds()
+        self._extractor = FeatureExtractor(feature_map)
+        self._topics = MappedTopics(node, feature_map, self._on_message)
+        self._newest: dict[str, Any] = {}
+
+    @property
+    def feature_map(self) -> FeatureMap:
+        """What is computed."""
+        return self._extractor.feature_map
+
+    def use(self, feature_map: FeatureMap) -> None:
+        """Compute this from now on; with an equal map nothing changes, so no input is missed.
+
+        Raises:
+            OccError: a topic's name is not valid; the map before stays.
+        """
+        if feature_map == self.feature_map:
+            return
+        topics = MappedTopics(self._node, feature_map, self._on_message)
+        self._topics.close()
+        self._topics, self._extractor = topics, FeatureExtractor(feature_map)
+        self.renew()
+
+    def frame(self, topic: str) -> str:
+        """Return the ``frame_id`` of a topic's newest message, the topic as the map writes it."""
+        header = getattr(self._newest.get(topic), 'header', None)
+        return '' if header is None else header.frame_id
+
+    def close(self) -> None:
+        """Drop all subscriptions."""
+        self._topics.close()
+
+    def renew(self) -> None:
+        """Take note that something new has come; whoever gets rows knows which are."""
+        self._heard = self._node.steady_seconds()
+
+    @property
+    def silence(self) -> str:
+        """Why nothing new has come for the timeout, on the steady clock; empty if it has."""
+        if self._node.steady_seconds() - self._heard <= self._timeout:
+            return ''
+        return self._topics.problem() or f'no new input for {self._timeout:g} s'
+
+    @property
+    def clock_problem(self) -> str:
+        """Why the time of the last message's arrival cannot be relied on; empty if it can."""
+        return self._arrival.problem()
+
+    def _on_message(self, topic: str, message: Any) -> None:
+        now = self._arrival.now_ns()
+        self._newest[topic] = message
+        try:
+            self._check_stamp(topic, message, now)
+            rows = self._extractor.push(topic, message, now)
+            if rows is not None and not len(rows.values):
+                raise OccError(f'topic {topic!r} brought a table without rows')
+        except OccError as error:
+            self.renew()
+            self._node.get_logger().error(f'input refused: {error}', throttle_duration_sec=1.0)
+            self._on_fault(str(error), header_stamp_ns(message) or now)
+            return
+        if rows is not None:
+            self._on_rows(rows)
+
+    def _check_stamp(self, topic: str, message: Any, now_ns: int) -> None:
+        if not self._max_lead_ns or topic in self.feature_map.table_topics:
+            return
+        lead_ns = (header_stamp_ns(message) or 0) - now_ns
+        # Without a time nothing is judged anyway.
+        if now_ns and lead_ns > self._max_lead_ns:
+            raise OccError(
+                f'the stamp of a message on {topic!r} is {lead_ns * 1e-9:.3g} s ahead of the '
+                f'clock; allowed is {self._max_lead_ns * 1e-9:g} s, by the parameter max_lead'
+            )

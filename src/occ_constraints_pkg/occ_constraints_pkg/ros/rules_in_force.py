@@ -1,0 +1,163 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""The rule set that a monitor judges by, its counters, and the topic that tells it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+
+from std_msgs.msg import String
+
+from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.learning.pruning import prune
+from occ_constraints_pkg.ros.process import OccNode
+from occ_constraints_pkg.ros.qos import LATCHED, overridable
+from occ_constraints_pkg.rules import RuleSet
+from occ_constraints_pkg.rules.constraints_file import Constraints
+from occ_constraints_pkg.rules.edits import RuleEdits
+from occ_constraints_pkg.rules.kept_counts import KeptCounts
+from occ_constraints_pkg.rules.listing import rules_document
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedRules:
+    """Rules that are ready to come into force.
+
+    Attributes:
+        base: as they were given.
+        edited: with the edits.
+        counts: of the latter.
+        left_out: whether some of the edits speak of rules that are not there.
+        where: what to call their origin.
+    """
+
+    base: Constraints
+    edited: Constraints
+    counts: KeptCounts
+    left_out: bool
+    where: str
+
+
+class RulesInForce:
+    """Holds one rule set at a time and publishes each on the latched topic ``rules``.
+
+    What is in force changes as a whole, between two inputs.
+
+    Attributes:
+        counts_file: where counters outlive a restart; empty for nowhere.
+        edits: what a person has changed by parameters.
+
+    Args:
+        node: publishes.
+    """
+
+    def __init__(self, node: OccNode) -> None:
+        self._node = node
+        self._now: PreparedRules | None = None
+        self.counts_file = ''
+        self.edits = RuleEdits()
+        self._topic = node.create_publisher(
+            String, 'rules', LATCHED, qos_overriding_options=overridable()
+        )
+
+    @property
+    def rule_set(self) -> RuleSet | None:
+        """The rules in force; None before any."""
+        return None if self._now is None else self._now.edited.rule_set
+
+    @property
+    def counts(self) -> KeptCounts | None:
+        """The counters of the rules in force; None without rules."""
+        return None if self._now is None else self._now.counts
+
+    def prepare(self, constraints: Constraints, where: str, *, strict: bool) -> PreparedRules:
+        """Edit rules and find their counters, without any effect yet.
+
+        Args:
+            constraints: where the rules stand.
+            where: what to call their origin.
+            strict: whether edits of rules that are not there are an error; else they are left out.
+
+        Raises:
+            OccError: the rules cannot be edited so, or the file of counters cannot be read.
+        """
+        edits = self.edits if strict else self.edits.within(constraints.rule_set)
+        edited = constraints.with_rule_set(edits.apply(constraints.rule_set))
+        counts = KeptCounts(edited.rule_set, self.counts_file)
+        return PreparedRules(constraints, edited, counts, edits != self.edits, where)
+
+    def use(self, rules: PreparedRules) -> None:
+        """Judge by these rules from now on."""
+        self.keep()
+        self._now = rules
+        rule_set, log = rules.edited.rule_set, self._node.get_logger()
+        log.info(
+            f'{len(rule_set.order)} enabled rules from {rules.where}, rule set '
+            f'{rule_set.fingerprint}'
+            + (f'; counters go on from {self.counts_file}' if rules.counts.resumed else '')
+        )
+        if rules.left_out:
+            log.warning(f'some of the edits by parameter speak of no rule of {rules.where}')
+        if not len(rule_set.order):
+            log.warning(f'{rules.where} enables no rule, so nothing will be a violation')
+        self._topic.publish(String(data=json.dumps(rules_document(rule_set))))
+
+    def check(self, edits: RuleEdits) -> None:
+        """Do nothing if these edits can be made.
+
+        Raises:
+            OccError: they cannot.
+        """
+        if self._now is not None:
+            edits.apply(self._now.base.rule_set)
+
+    def edit(self, edits: RuleEdits) -> None:
+        """Make these edits instead of those before; :meth:`check` has allowed them."""
+        self.edits = edits
+        if self._now is not None:
+            self.use(self.prepare(self._now.base, 'parameters', strict=True))
+
+    def prune(self, threshold: float, path: str) -> str:
+        """Disable rules by the counters, and say in words what was done.
+
+        Args:
+            threshold: ratio of violations to evaluations under which a rule is disabled.
+            path: where to write the constraints file; empty for nowhere.
+
+        Raises:
+            OccError: there are no rules or counts, or the file cannot be written; the rules stay.
+        """
+        if self._now is None:
+            raise OccError('there is no rule set yet')
+        before = self._now
+        result = prune(before.edited.rule_set.with_counts(before.counts), threshold)
+        words = result.words
+        if path:
+            before.edited.with_rule_set(result.rule_set).save(path)
+            words += f'; written to {path}'
+        base = before.base.rule_set
+        rules = tuple(
+            replace(rule, enabled=False, note=pruned.note) if rule.id in result.pruned else rule
+            for rule, pruned in zip(base.rules, result.rule_set.rules, strict=True)
+        )
+        # Edits stay, but none may bring back what was pruned.
+        kept = tuple(name for name in self.edits.enabled if name not in result.pruned)
+        self.edits = replace(self.edits, enabled=kept)
+        base = before.base.with_rule_set(replace(base, rules=rules))
+        self.use(self.prepare(base, 'pruning', strict=False))
+        return words
+
+    def keep(self) -> None:
+        """Write the file of counters.
+
+        Raises:
+            OccError: it cannot be written.
+        """
+        if self.counts is not None:
+            self.counts.keep()
+
+    def drop(self) -> None:
+        """Have no rules any more, once the counters are kept."""
+        self.keep()
+        self._now = None

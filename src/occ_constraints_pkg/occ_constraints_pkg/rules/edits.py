@@ -1,0 +1,136 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Changes to a rule set that a person asks for in a few words: rules on or off, bounds moved."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from occ_constraints_pkg.documents import did_you_mean
+from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.rules.rule import Literal, Rule
+from occ_constraints_pkg.rules.ruleset import RuleSet
+from occ_constraints_pkg.rules.space import FeatureSpace
+
+_BOUND = re.compile(r'\s*(\S+)\s*:\s*(\S+)\s*(<=|>=|<|>)\s*(\S+)\s*')
+_BOUND_FORM = "'RULE: FEATURE OPERATOR NUMBER', such as 'R41297: d_l2 > 0.9'"
+
+
+@dataclass(frozen=True)
+class MovedBound:
+    """Another bound for the literal of a rule with this feature and operator.
+
+    Attributes:
+        rule: the rule's id.
+        feature: the feature's name.
+        operator: as in the rule.
+        bound: the new bound.
+    """
+
+    rule: str
+    feature: str
+    operator: str
+    bound: float
+
+
+@dataclass(frozen=True)
+class RuleEdits:
+    """What is to differ from a rule set as it was loaded.
+
+    Attributes:
+        disabled: ids of rules to disable.
+        enabled: ids of rules to enable.
+        bounds: bounds to move.
+
+    Raises:
+        OccError: a rule is to be both enabled and disabled.
+    """
+
+    disabled: tuple[str, ...] = ()
+    enabled: tuple[str, ...] = ()
+    bounds: tuple[MovedBound, ...] = ()
+
+    def __post_init__(self) -> None:
+        both = sorted(set(self.disabled) & set(self.enabled))
+        if both:
+            raise OccError(
+                f'rule {both[0]!r} is to be enabled and disabled; allowed is one of them'
+            )
+
+    @classmethod
+    def parse(
+        cls, disabled: Sequence[str], enabled: Sequence[str], bounds: Sequence[str]
+    ) -> RuleEdits:
+        """Read the edits; each of ``bounds`` is like ``R41297: d_l2 > 0.9``.
+
+        Raises:
+            OccError: a text is of another form, or the edits contradict each other.
+        """
+        return cls(tuple(disabled), tuple(enabled), tuple(_bound(text) for text in bounds))
+
+    def apply(self, rule_set: RuleSet) -> RuleSet:
+        """Return the rule set with these changes; the same object if there are none.
+
+        Raises:
+            OccError: a rule or a literal is not there, or an enabled rule could never be true.
+        """
+        if self == RuleEdits():
+            return rule_set
+        ids = [rule.id for rule in rule_set.rules]
+        for name in (*self.disabled, *self.enabled, *(item.rule for item in self.bounds)):
+            if name not in ids:
+                hint = did_you_mean(name, ids) or ';'
+                raise OccError(f'there is no rule {name!r}{hint} the rules are {", ".join(ids)}')
+        rules = tuple(self._rule(rule, rule_set.space) for rule in rule_set.rules)
+        return replace(rule_set, rules=rules)
+
+    def within(self, rule_set: RuleSet) -> RuleEdits:
+        """Return those of the edits that can be applied to a rule set."""
+        literals = {
+            (rule.id, rule_set.space.names[literal.feature], literal.operator)
+            for rule in rule_set.rules
+            for literal in rule.literals
+        }
+        ids = {rule.id for rule in rule_set.rules}
+        return RuleEdits(
+            tuple(name for name in self.disabled if name in ids),
+            tuple(name for name in self.enabled if name in ids),
+            tuple(
+                item for item in self.bounds if (item.rule, item.feature, item.operator) in literals
+            ),
+        )
+
+    def _rule(self, rule: Rule, space: FeatureSpace) -> Rule:
+        is_enabled = (rule.enabled or rule.id in self.enabled) and rule.id not in self.disabled
+        literals = rule.literals
+        for item in self.bounds:
+            if item.rule == rule.id:
+                literals = _moved(rule.id, literals, item, space)
+        return replace(rule, enabled=is_enabled, literals=literals)
+
+
+def _moved(
+    name: str, literals: tuple[Literal, ...], item: MovedBound, space: FeatureSpace
+) -> tuple[Literal, ...]:
+    fits = [
+        space.names[literal.feature] == item.feature and literal.operator == item.operator
+        for literal in literals
+    ]
+    if not any(fits):
+        own = ', '.join(f'{space.names[one.feature]} {one.operator}' for one in literals)
+        raise OccError(f'rule {name!r} has no literal {item.feature} {item.operator}; it has {own}')
+    return tuple(
+        replace(literal, bound=item.bound) if fit else literal
+        for literal, fit in zip(literals, fits, strict=True)
+    )
+
+
+def _bound(text: str) -> MovedBound:
+    found = _BOUND.fullmatch(text)
+    try:
+        rule, feature, operator, number = found.groups()
+        return MovedBound(rule, feature, operator, Literal(0, operator, float(number)).bound)
+    except (AttributeError, ValueError, OccError):
+        raise OccError(f'a moved bound is {text!r}; allowed is {_BOUND_FORM}') from None

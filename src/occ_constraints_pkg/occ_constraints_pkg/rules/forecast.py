@@ -1,0 +1,210 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""When the next rule will be broken, if every feature goes on as it does now: an estimate."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.rules.ruleset import RuleSet
+from occ_constraints_pkg.rules.verdict import Verdict
+
+WINDOW_SECONDS = 0.5
+"""How far back the rate of change is looked for, by default."""
+
+HORIZON_SECONDS = 1.0
+"""A violation that is estimated within this time is warned of, by default."""
+
+# A straight line through fewer rows says nothing about their noise.
+_FEWEST_ROWS = 3
+# Rows kept at most; a window of more is cut.
+_MOST_ROWS = 2000
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What comes if nothing changes its rate of change.
+
+    Attributes:
+        seconds: until the first rule is violated; 0 when one is, ``inf`` when none is foreseen or
+            too little was seen, NaN when the newest row cannot be judged.
+        rule: position of that rule in the rule set; -1 for none.
+        feature: position of the feature that gets there last, and so decides; -1 for none.
+    """
+
+    seconds: float
+    rule: int = -1
+    feature: int = -1
+
+
+class Forecaster:
+    """Extrapolates the features of one robot along straight lines.
+
+    The slope of each feature is that of the least-squares line through its values within the
+    window; the line is laid through the newest value. A feature that was not finite in a row is
+    left out there; one with fewer than three finite values counts as constant. Nothing is foreseen
+    before three rows have come and half the window is filled.
+
+    Args:
+        rule_set: whose enabled rules are watched.
+        window: seconds.
+
+    Raises:
+        OccError: the window is no number above 0.
+    """
+
+    def __init__(self, rule_set: RuleSet, window: float = WINDOW_SECONDS) -> None:
+        if not 0.0 < window < math.inf:
+            raise OccError(f'window: got {window}; allowed is a number of seconds above 0')
+        self._rules = rule_set
+        self._rows = _Window(len(rule_set.space), window)
+        enabled = [rule_set.rules[place] for place in rule_set.order]
+        literals = [literal for rule in enabled for literal in rule.literals]
+        self._starts = np.cumsum([0, *(len(rule.literals) for rule in enabled[:-1])])
+        self._feature = np.array([literal.feature for literal in literals], dtype=np.intp)
+        # Every literal as sign * x > threshold, the next float below for one that may be equal.
+        self._sign = np.array([-1.0 if literal.is_upper else 1.0 for literal in literals])
+        bounds = self._sign * np.array([literal.bound for literal in literals])
+        strict = np.array([literal.operator in ('<', '>') for literal in literals], dtype=bool)
+        with np.errstate(over='ignore'):
+            self._threshold = np.where(strict, bounds, np.nextafter(bounds, -np.inf))
+
+    def reset(self) -> None:
+        """Forget all rows: what comes next does not continue them."""
+        self._rows.clear()
+
+    def add(self, stamp_ns: int, row: np.ndarray) -> None:
+        """Take one row.
+
+        Args:
+            stamp_ns: when; one that is earlier than the row before resets, an equal one replaces
+                that row.
+            row: (k,) features.
+        """
+        self._rows.add(stamp_ns, row)
+
+    def forecast(self, verdict: Verdict, rule: int) -> Forecast:
+        """Estimate when a rule will be violated.
+
+        Args:
+            verdict: on the row that was added last.
+            rule: position of the first rule it violates; -1 for none.
+        """
+        if verdict is Verdict.UNKNOWN:
+            return Forecast(math.nan)
+        if verdict is Verdict.VIOLATED:
+            return Forecast(0.0, rule, self._nearest(rule))
+        # Anything may overflow here, and then nothing is foreseen.
+        with np.errstate(all='ignore'):
+            slopes = self._rows.slopes() if len(self._feature) else None
+            return Forecast(math.inf) if slopes is None else self._first(slopes)
+
+    def _nearest(self, rule: int) -> int:
+        """Return the feature that is least far inside a rule that is true."""
+        row, scale = self._rows.newest, self._rules.scale
+        literals = self._rules.rules[rule].literals
+        inside = [
+            abs(row[literal.feature] - literal.bound) / scale[literal.feature]
+            for literal in literals
+        ]
+        return literals[inside.index(min(inside))].feature
+
+    def _first(self, slopes: np.ndarray) -> Forecast:
+        # Adding 0 leaves no minus zero, by which a distance would change its sign.
+        speed = self._sign * slopes.take(self._feature) + 0.0
+        crossing = (self._threshold - self._sign * self._rows.newest.take(self._feature)) / speed
+        # Where nothing moves, that is -inf for what is true, inf or NaN for what is not.
+        leaves = speed < 0.0
+        begins = np.where(leaves, -np.inf, crossing)
+        ends = np.where(leaves, crossing, np.inf)
+        starts = self._starts
+        begin = np.maximum(np.maximum.reduceat(begins, starts), 0.0)
+        is_reached = begin < np.minimum.reduceat(ends, starts)
+        times = np.where(is_reached, begin, np.inf)
+        place = int(times.argmin())
+        seconds = float(times[place])
+        if seconds == math.inf:
+            return Forecast(seconds)
+        rule = int(self._rules.order[place])
+        own = slice(starts[place], starts[place] + len(self._rules.rules[rule].literals))
+        feature = self._feature[own][begins[own].argmax()]
+        return Forecast(seconds, rule, int(feature))
+
+
+class _Window:
+    """The newest rows, one after the other in memory."""
+
+    def __init__(self, features: int, length: float) -> None:
+        self._length = length
+        # Seconds since the stamp of the row that was first when the memory was last moved.
+        self._times = np.empty(64)
+        self._values = np.empty((64, features))
+        self._first = self._end = 0
+        self._origin_ns = self._last_ns = 0
+
+    @property
+    def newest(self) -> np.ndarray:
+        """(k,) the row that came last."""
+        return self._values[self._end - 1]
+
+    def clear(self) -> None:
+        self._first = self._end = 0
+
+    def add(self, stamp_ns: int, row: np.ndarray) -> None:
+        if self._end > self._first and stamp_ns <= self._last_ns:
+            # A clock that was set back begins anew; no time passes between equal stamps.
+            self._end -= 1
+            if stamp_ns < self._last_ns:
+                self.clear()
+        if self._end == self._first:
+            self.clear()
+            self._origin_ns = stamp_ns
+        elif self._end == len(self._times):
+            self._make_room()
+        self._last_ns, time = stamp_ns, (stamp_ns - self._origin_ns) * 1e-9
+        self._times[self._end], self._values[self._end] = time, row
+        self._end += 1
+        while self._times[self._first] < time - self._length:
+            self._first += 1
+
+    def _make_room(self) -> None:
+        """Move the rows to the front, of a larger memory if they fill most of this."""
+        used = slice(max(self._first, self._end - _MOST_ROWS), self._end)
+        # Copies, for the places may overlap.
+        times, values = self._times[used].copy(), self._values[used].copy()
+        if 2 * len(times) > len(self._times):
+            self._times = np.empty(2 * len(self._times))
+            self._values = np.empty((len(self._times), values.shape[1]))
+        shift_ns = round(times[0] * 1e9)
+        self._origin_ns += shift_ns
+        self._times[: len(times)] = times - shift_ns * 1e-9
+        self._values[: len(times)] = values
+        self._first, self._end = 0, len(times)
+
+    def slopes(self) -> np.ndarray | None:
+        """Return (k,) changes per second; None while too little is known."""
+        times = self._times[self._first : self._end]
+        if len(times) < _FEWEST_ROWS or 2.0 * (times[-1] - times[0]) < self._length:
+            return None
+        values = self._values[self._first : self._end]
+        away = times - np.add.reduce(times) / len(times)
+        slopes = away.dot(values) / away.dot(away)
+        # Not finite if one of them is not, which is rare.
+        if not math.isfinite(slopes.dot(slopes)):
+            for feature in np.flatnonzero(~np.isfinite(slopes)):
+                slopes[feature] = _slope(times, values[:, feature])
+        return slopes
+
+
+def _slope(times: np.ndarray, values: np.ndarray) -> float:
+    """Return the slope through the finite values; 0 where there are too few, or they overflow."""
+    known = np.isfinite(values)
+    if np.count_nonzero(known) < _FEWEST_ROWS:
+        return 0.0
+    away = times[known] - times[known].mean()
+    slope = float(away @ values[known] / (away @ away))
+    return slope if math.isfinite(slope) else 0.0

@@ -1,0 +1,150 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Faults of clocks and of transport: each ends in UNKNOWN, and the monitor says which it is.
+
+docs/nodes.md lists all faults with their tests, many of which are in other files.
+"""
+
+import time
+
+import numpy as np
+from occ_constraints_pkg.bags.feature_map import FeatureMap
+from occ_constraints_pkg.bags.table import Table
+from occ_constraints_pkg.rules import Literal, Rule, RuleSet
+from occ_constraints_pkg.rules.constraints_file import Constraints
+
+SECOND = 10**9
+MAP = {
+    'schema_version': 1,
+    'pace': 'odom',
+    'max_age': 0.5,
+    'features': [{'name': 'v', 'topic': 'odom', 'field': 'twist.twist.linear.x'}],
+}
+
+
+def rules():
+    space = FeatureMap.from_document(MAP, '').space
+    rule_set = RuleSet(space, (Rule('fast', (Literal(0, '>', 1.0),)),), np.array([[0.0, 1.0]]))
+    return Constraints(rule_set, MAP)
+
+
+class Robot:
+    """Publishes odometry, and hears what is said of it."""
+
+    def __init__(self, witness):
+        from diagnostic_msgs.msg import DiagnosticArray
+        from nav_msgs.msg import Odometry
+        from occ_constraints_pkg.ros.qos import STEPS
+        from sensor_msgs.msg import PointCloud2
+        from std_msgs.msg import Float64
+
+        self.witness, self.verdicts, self.cost = witness, [], []
+        node = witness.node
+        # Only so that the monitor counts as many subscribers of each.
+        node.create_subscription(PointCloud2, 'costs', lambda message: None, STEPS)
+        node.create_subscription(DiagnosticArray, 'violation', self.verdicts.append, STEPS)
+        node.create_subscription(Float64, 'cost', self.cost.append, STEPS)
+        self.odom = node.create_publisher(Odometry, 'odom', STEPS)
+        self.new = Odometry
+
+    def send(self, stamp_ns, speed=0.5):
+        """Publish, and return what is said of it; UNKNOWN goes with cost 1, nothing else does."""
+        from occ_constraints_pkg.ros.messages import to_time
+
+        message = self.new()
+        message.header.stamp = to_time(stamp_ns)
+        message.twist.twist.linear.x = speed
+        verdicts, costs = len(self.verdicts), len(self.cost)
+        self.odom.publish(message)
+        self.witness.spin_until(
+            lambda: len(self.verdicts) > verdicts and len(self.cost) > costs, 10.0
+        )
+        said = self.verdicts[-1].status[0].message
+        assert self.cost[-1].data == (0.0 if said == 'SAFE' else 1.0)
+        return said
+
+    def until_heard(self):
+        self.witness.wait_for_monitor(2)
+        self.witness.spin_until(lambda: self.odom.get_subscription_count() == 1, 20.0)
+
+
+def test_stamps_from_the_future_or_the_past_are_unknown_until_time_goes_on(nodes, witness):
+    robot = Robot(witness)
+    rules().save(nodes.folder / 'rules.yaml')
+    # The default timeout is shorter than a loaded machine may need for a step.
+    nodes.start('monitor', constraints_file=nodes.folder / 'rules.yaml', timeout=60.0)
+    robot.until_heard()
+    now = time.time_ns()
+    assert robot.send(now) == 'SAFE'
+    said = robot.send(time.time_ns() + 5 * SECOND)
+    assert said.startswith("UNKNOWN: the stamp of a message on 'odom' is ")
+    assert said.endswith('ahead of the clock; allowed is 1 s, by the parameter max_lead')
+    # What was refused is forgotten.
+    assert robot.send(now + SECOND // 10) == 'SAFE'
+    # A clock is set back by more than values may age, and goes on from there.
+    assert robot.send(now - 3 * SECOND) == 'UNKNOWN: time went back by 3.1 s'
+    assert robot.send(now - 3 * SECOND + 1, speed=0.6) == 'SAFE'
+    # Messages that overtake one another are no such clock.
+    assert robot.send(now - 3 * SECOND - SECOND // 10) == 'SAFE'
+
+
+def test_a_clock_that_is_missing_paused_or_set_back_is_unknown(nodes, witness):
+    from occ_constraints_pkg.ros.messages import to_time
+    from occ_constraints_pkg.ros.qos import STEPS
+    from rosgraph_msgs.msg import Clock
+
+    robot = Robot(witness)
+    rules().save(nodes.folder / 'rules.yaml')
+    file = nodes.folder / 'rules.yaml'
+    nodes.start('monitor', constraints_file=file, timeout=0.5, use_sim_time=True)
+    clock = witness.node.create_publisher(Clock, '/clock', STEPS)
+    robot.until_heard()
+    assert robot.send(SECOND) == 'UNKNOWN: use_sim_time is set, and nothing has come on /clock'
+    witness.spin_until(lambda: clock.get_subscription_count() == 1, 20.0)
+
+    def ticks_until(wanted, first_ns):
+        """Let time go on in both until the monitor says it; return what time it is then."""
+        steps = iter(range(first_ns, first_ns + 100 * SECOND, SECOND // 50))
+
+        def said():
+            now = next(steps)
+            clock.publish(Clock(clock=to_time(now)))
+            return robot.send(now) == wanted
+
+        witness.spin_until(said, 20.0)
+        return next(steps)
+
+    now = ticks_until('SAFE', 20 * SECOND)
+    # Inputs go on, the clock does not. That their stamps differ makes them new ones.
+    stamps = iter(range(now, now + SECOND))
+    witness.spin_until(
+        lambda: robot.send(next(stamps)) == 'UNKNOWN: /clock has stood still for 0.5 s', 10.0
+    )
+    ticks_until('SAFE', now + SECOND // 4)
+    clock.publish(Clock(clock=to_time(10 * SECOND)))
+    assert robot.send(10 * SECOND).startswith('UNKNOWN: time went back by 1')
+    ticks_until('SAFE', 10 * SECOND)
+
+
+def test_a_table_that_is_published_best_effort_is_unknown_and_named(nodes, witness, rules_of):
+    from diagnostic_msgs.msg import DiagnosticArray
+    from occ_constraints_pkg.ros.messages import table_message
+    from occ_constraints_pkg.ros.qos import SENSORS, STEPS
+    from sensor_msgs.msg import PointCloud2
+
+    rules_of['simple_nav'].save(nodes.folder / 'rules.yaml')
+    nodes.start('monitor', constraints_file=nodes.folder / 'rules.yaml', timeout=0.3)
+    publisher = witness.node.create_publisher(PointCloud2, 'observation', SENSORS)
+    heard = []
+    witness.node.create_subscription(DiagnosticArray, 'violation', heard.append, STEPS)
+    table = Table(('x', 'y'), np.array([[0.8, 0.2]], dtype=np.float32))
+
+    def told():
+        publisher.publish(table_message(table, time.time_ns()))
+        return heard and heard[-1].status[0].message.startswith(
+            'UNKNOWN: observation is published best-effort; set the parameter '
+            'qos_overrides./observation.subscription.reliability'
+        )
+
+    witness.spin_until(told, 20.0)
+    assert all(message.status[0].message.startswith('UNKNOWN') for message in heard)

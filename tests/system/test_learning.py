@@ -58,7 +58,9 @@ def test_learns_from_live_topics_when_asked(nodes, witness, drive, trigger):
     from std_msgs.msg import String
 
     rules = nodes.folder / 'rules.yaml'
-    nodes.start('tree_learner', feature_map='simple_nav', output=rules, contamination=0)
+    nodes.start(
+        'tree_learner', feature_map='simple_nav', output=rules, contamination=0, false_alarm=0.2
+    )
     answer = trigger('tree_learner/learn')
     assert (answer.success, answer.message) == (False, 'no sample has been received yet')
     witness.spin_until(lambda: drive.publisher.get_subscription_count() == 2, 10.0)
@@ -75,6 +77,9 @@ def test_learns_from_live_topics_when_asked(nodes, witness, drive, trigger):
     assert (
         constraints.coverage['training_samples'] + constraints.coverage['held_out_samples'] == 120
     )
+    # Each of the 40 robots drove one episode.
+    calibration = constraints.learner['calibration']
+    assert (calibration['false_alarm'], calibration['episodes']) == (0.2, 8)
 
     note = rules.read_text().replace('enabled: true', 'enabled: false', 1)
     rules.write_text(note)

@@ -4,12 +4,12 @@
 
 - US-101: the vehicles of CommonRoad's scenarios made from NGSIM, with the ten features of the map
   ``highway``.
-- I-80: the vehicles of a traffic history whose times were moved so that all begin at once; gaps
+- I-80: the vehicles of a traffic history in which all begin at one moment, many at one place; gaps
   between them mean nothing, so the map is ``highway_road``, of four features.
 
 A vehicle that stands in several scenarios counts once. For each seed, a fifth of the vehicles is
 held back, rules are learned from the others, and the share of the held-back time that is not SAFE
-is measured: rows are 0.1 s each. Nobody crashes or leaves the road, so all of it is safe. Each
+is measured: rows are 0.1 s each. Nobody crashes, so all of it is safe. Each
 scenario is held back as a whole, too, which asks whether the rules hold at another time of day.
 """
 

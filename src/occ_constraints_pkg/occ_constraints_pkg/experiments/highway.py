@@ -73,7 +73,7 @@ class HighwaySettings:
     lasting: bool = True
     episodes: int = 1000
     in_highway_env: int = 5
-    drawn: int | None = 7
+    drawn: int | None = 1
     rules: str | None = None
     learner: Mapping[str, Any] = field(default_factory=lambda: LEARNER)
 

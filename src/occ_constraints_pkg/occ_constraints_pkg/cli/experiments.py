@@ -227,10 +227,25 @@ def worlds(output: str, episodes: int, data: str | None, as_json: bool) -> None:
 @click.option(
     '--cost-limit', default='demonstrations', show_default=True, callback=checked_cost_limit
 )
-@click.option('--steps', default=1_000_000, show_default=True, help='Robot steps per training.')
+@click.option(
+    '--lasting/--plain',
+    default=True,
+    show_default=True,
+    help='Count a violation that ends an episode to the end of its 40 s, or once.',
+)
+@click.option(
+    '--agent',
+    'agents',
+    multiple=True,
+    type=click.Choice(['RL', 'RL with engineered reward', 'ours']),
+    help='Only this agent; may be repeated.',
+)
+@click.option('--steps', default=600_000, show_default=True, help='Robot steps per training.')
 @click.option('--seeds', default=3, type=click.IntRange(min=1), show_default=True)
 @JSON
-def highway(output: str, sets: tuple[str, ...], as_json: bool, **given: Any) -> None:
+def highway(
+    output: str, sets: tuple[str, ...], agents: tuple[str, ...], as_json: bool, **given: Any
+) -> None:
     """Train on a highway with and without rules of its traffic, and compare.
 
     Writes highway.json, highway.md, highway.png, and drives as highway_drives.png and .gif. A
@@ -240,8 +255,7 @@ def highway(output: str, sets: tuple[str, ...], as_json: bool, **given: Any) -> 
     Example: occ experiment highway --set restricted -o results/highway
     """
     module = import_needed('occ experiment', 'occ_constraints_pkg.experiments.highway')
-    if sets:
-        given['sets'] = sets
+    given |= {name: value for name, value in (('sets', sets), ('agents', agents)) if value}
     with stop_request.listening(), progress_bar('training') as progress:
         result = module.run_highway(
             Path(output),

@@ -14,9 +14,16 @@ import numpy as np
 
 from occ_constraints_pkg.agents.policy import GaussianPolicy
 from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian
+from occ_constraints_pkg.agents.rule_cost import RuleCost
 from occ_constraints_pkg.agents.run import cost_limit
 from occ_constraints_pkg.agents.settings import TrainingMetrics, learner_settings
-from occ_constraints_pkg.agents.training import TrainingDirectory, TrueCost, read_metrics, train
+from occ_constraints_pkg.agents.training import (
+    CostSource,
+    TrainingDirectory,
+    TrueCost,
+    read_metrics,
+    train,
+)
 from occ_constraints_pkg.bags.feature_map import load_feature_map
 from occ_constraints_pkg.experiments.conditions import machine, versions
 from occ_constraints_pkg.experiments.highway_agents import OUTCOMES, CountedHighway, LastingRuleCost
@@ -49,6 +56,7 @@ class HighwaySettings:
         steps: robot steps of each training.
         robots: robots simulated at once.
         cost_limit: for ``ours``: a number or ``demonstrations``.
+        lasting: a violation that ends an episode counts to the end of its 40 s, not once.
         episodes: fresh episodes over which each policy is judged.
         in_highway_env: scenarios that the policies of the first seed drive in highway-env as well.
         drawn: the scenario whose drives are drawn; ``None``: none are.
@@ -59,12 +67,13 @@ class HighwaySettings:
     sets: tuple[str, ...] = tuple(SETS)
     agents: tuple[str, ...] = AGENTS
     seeds: int = 3
-    steps: int = 1_000_000
+    steps: int = 600_000
     robots: int = 256
     cost_limit: float | str = 'demonstrations'
+    lasting: bool = True
     episodes: int = 1000
-    in_highway_env: int = 10
-    drawn: int | None = 7
+    in_highway_env: int = 5
+    drawn: int | None = 1
     rules: str | None = None
     learner: Mapping[str, Any] = field(default_factory=lambda: LEARNER)
 
@@ -206,8 +215,11 @@ def train_agent(
             'decay_steps': settings.steps,
         }
     )
-    source = TrueCost() if rules is None else LastingRuleCost(rules, world)
+    source: CostSource = TrueCost()
+    if rules is not None:
+        source = (LastingRuleCost if settings.lasting else RuleCost)(rules, world)
     fixed = {'agent': agent, 'scenarios': scenarios, 'seed': seed, 'cost_limit': limit}
+    fixed['lasting'] = settings.lasting
     fixed['rules'] = None if rules is None else rules.rule_set.fingerprint
     directory = TrainingDirectory(folder, fixed)
     log = folder / 'outcomes.jsonl'

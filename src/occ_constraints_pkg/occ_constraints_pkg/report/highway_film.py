@@ -28,7 +28,7 @@ from occ_constraints_pkg.worlds.highway_traffic import HEADING, IDENTITY, LENGTH
 _ROAD, _LINE, _OTHER, _EGO, _BAD = '#d9d9d9', '#ffffff', '#777777', '#3b6ea5', '#c8362b'
 _DOTS_PER_INCH = 80
 # What is seen of the road, in m behind and ahead of the ego.
-_BEHIND, _AHEAD = 35.0, 85.0
+_BEHIND, _AHEAD = 35.0, 105.0
 _SHOTS = 4
 # A frame of the film every so many seconds; it runs twice as fast as the cars.
 _FRAME_SECONDS, _HASTE = 0.8, 2.0
@@ -122,7 +122,7 @@ def _violations(drive: Drive, constraints: Constraints | None) -> dict[str, np.n
 def _draw_strip(
     path: Path, drives: Mapping[str, Drive], broken: Mapping[str, Mapping[str, np.ndarray]]
 ) -> None:
-    figure = plt.figure(figsize=(12.0, 3.1 * len(drives)))
+    figure = plt.figure(figsize=(11.0, 3.2 * len(drives)))
     blocks = figure.subfigures(len(drives), 1, squeeze=False)[:, 0]
     for block, (name, drive) in zip(blocks, drives.items(), strict=True):
         road, timeline = _axes(block, name, drive, _SHOTS)
@@ -161,12 +161,20 @@ def _draw_film(
 
 def _axes(block: plt.Figure, name: str, drive: Drive, shots: int) -> tuple[Sequence[Axes], Axes]:
     grid = block.add_gridspec(
-        shots, 2, width_ratios=(2.0, 1.0), left=0.01, right=0.985, top=0.86, bottom=0.17, wspace=0.4
+        shots,
+        2,
+        width_ratios=(1.7, 1.0),
+        left=0.01,
+        right=0.985,
+        top=0.88,
+        bottom=0.15,
+        wspace=0.5,
+        hspace=0.12,
     )
     end = f', {drive.end} after {(len(drive.vehicles) - 1) * Highway.step_seconds:.1f} s'
     block.suptitle(
         f'{name}: return {drive.returned:.1f}{end if drive.end else ""}',
-        fontsize=9, x=0.02, ha='left', y=0.99,
+        fontsize=9, x=0.01, ha='left', y=0.99,
     )  # fmt: skip
     road = [block.add_subplot(grid[shot, 0]) for shot in range(shots)]
     return road, block.add_subplot(grid[:, 1])
@@ -190,9 +198,10 @@ def _draw_road(axis: Axes, drive: Drive, step: int, truths: Mapping[str, np.ndar
             for a, b in ((1, 1), (1, -1), (-1, -1), (-1, 1))
         ]
         colour = _OTHER if index else _BAD if violated or ended else _EGO
-        axis.add_patch(Polygon(corners, closed=True, color=colour, lw=0))
+        axis.add_patch(Polygon(corners, closed=True, color=colour, lw=0, zorder=3))
     axis.set(xlim=(-_BEHIND, _AHEAD), ylim=(bottom + 1.5, top - 1.5), xticks=[], yticks=[])
     axis.set_aspect('equal')
+    axis.set_anchor('W')
     for spine in axis.spines.values():
         spine.set_visible(False)
     speed = drive.observation[step, 0]

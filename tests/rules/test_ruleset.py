@@ -82,14 +82,18 @@ def test_judges_and_counts_as_a_loop_over_literals_does(rule_set, seed):
     rows = near(rule_set, seed)
     judgement, counts = rule_set.judge(rows), RuleCounts(rule_set)
     counts.add(judgement)
+    singly = RuleCounts(rule_set)
+    for row in rows:
+        singly.add(rule_set.judge(row[None]))
     evaluated, violated = np.zeros((2, len(rule_set.rules)), dtype=np.int64)
     for row, verdict, rule in zip(rows, judgement.verdict, judgement.rule, strict=True):
         expected_verdict, expected_rule, tried = naive_judge(rule_set, row)
         assert (verdict, rule) == (expected_verdict, expected_rule)
         evaluated[tried] += 1
         violated[tried[-1:]] += rule >= 0
-    np.testing.assert_array_equal(counts.evaluated, evaluated)
-    np.testing.assert_array_equal(counts.violated, violated)
+    for counted in (counts, singly):
+        np.testing.assert_array_equal(counted.evaluated, evaluated)
+        np.testing.assert_array_equal(counted.violated, violated)
     np.testing.assert_array_equal(judgement.cost, judgement.verdict != Verdict.SAFE)
 
 

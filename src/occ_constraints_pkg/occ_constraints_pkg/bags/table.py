@@ -5,7 +5,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from functools import cache, lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -38,7 +39,7 @@ class Table:
                 f'a table of {len(self.names)} columns got values of shape {self.values.shape}; '
                 'allowed is (rows, columns)'
             )
-        if self.values.dtype.newbyteorder('<') not in _DATATYPES:
+        if _little(self.values.dtype) not in _DATATYPES:
             raise OccError(f'a table got {self.values.dtype} values; allowed are float32, float64')
         if len(set(self.names)) != len(self.names):
             raise OccError(f'a table names a column twice: {", ".join(self.names)}')
@@ -59,7 +60,7 @@ class Table:
     @property
     def layout(self) -> list[tuple[str, int, int, int]]:
         """``(name, offset, datatype, count)`` of each field, as PointCloud2 wants them."""
-        dtype = self.values.dtype.newbyteorder('<')
+        dtype = _little(self.values.dtype)
         return [
             (name, index * dtype.itemsize, _DATATYPES[dtype], 1)
             for index, name in enumerate(self.names)
@@ -67,7 +68,7 @@ class Table:
 
     def packed(self) -> bytes:
         """Return the values row by row, little-endian, as the message's ``data``."""
-        dtype = self.values.dtype.newbyteorder('<')
+        dtype = _little(self.values.dtype)
         return np.ascontiguousarray(self.values, dtype=dtype).tobytes()
 
     @classmethod
@@ -80,63 +81,90 @@ class Table:
         Raises:
             OccError: the message is not a table in this sense.
         """
-        fields = message.fields
-        names = tuple(field.name for field in fields)
-        kinds = {field.datatype for field in fields}
+        fields = [
+            (field.name, field.offset, field.datatype, field.count) for field in message.fields
+        ]
+        form = _form(tuple(fields), message.point_step, message.is_bigendian)
         rows = message.height * message.width
-        if not fields or message.is_bigendian or not kinds <= _DTYPES.keys():
+        step = message.width * message.point_step
+        if message.height > 1 and message.row_step != step:
             raise OccError(
-                f'a PointCloud2 with fields {", ".join(names) or "(none)"} of datatypes '
-                f'{sorted(kinds)} is not a table; allowed are little-endian FLOAT32 and FLOAT64'
+                f'a table of {message.height} x {message.width} points of {message.point_step} '
+                f'bytes has row_step {message.row_step}; allowed is {step}'
             )
-        _check_layout(fields, message)
         data = np.frombuffer(message.data, dtype=np.uint8)
         if data.size < rows * message.point_step:
             raise OccError(
                 f'a table of {rows} rows of {message.point_step} bytes holds only {data.size} bytes'
             )
-        if len(kinds) == 1 and _is_packed(fields, message):
-            dtype = _DTYPES[next(iter(kinds))]
-            values = data[: rows * message.point_step].view(dtype).reshape(rows, len(names))
-            return cls(names, values)
-        record = np.dtype(
-            {
-                'names': [str(index) for index in range(len(names))],
-                'formats': [_DTYPES[field.datatype] for field in fields],
-                'offsets': [field.offset for field in fields],
-                'itemsize': message.point_step,
-            }
-        )
-        records = data[: rows * message.point_step].view(record)
+        data = data[: rows * message.point_step]
+        if form.packed is not None:
+            return cls(form.names, data.view(form.packed).reshape(rows, len(form.names)))
+        records = data.view(form.record)
         # A mixed table is widened, so that no FLOAT64 column loses digits.
-        columns = [records[key] for key in record.names]
-        return cls(names, np.stack(columns, axis=1).astype(np.float64))
+        columns = [records[key] for key in form.record.names]
+        return cls(form.names, np.stack(columns, axis=1).astype(np.float64))
 
 
-def _check_layout(fields: Any, message: Any) -> None:
-    """Refuse what PointCloud2 may express and a table does not mean."""
-    for field in fields:
-        # Some writers leave count at 0 where they mean 1.
-        if field.count > 1:
-            raise OccError(
-                f'the table field {field.name!r} holds {field.count} numbers per point; '
-                'allowed is 1'
-            )
-        if field.offset + _DTYPES[field.datatype].itemsize > message.point_step:
-            raise OccError(
-                f'the table field {field.name!r} at byte {field.offset} reaches past the '
-                f'{message.point_step} bytes of a point'
-            )
-    if message.height > 1 and message.row_step != message.width * message.point_step:
+class _Form(NamedTuple):
+    """How a table's bytes are read.
+
+    Attributes:
+        names: of the columns.
+        record: type of a row.
+        packed: type of all numbers, where they are of one type and follow one another without
+            holes in the order listed; else None.
+    """
+
+    names: tuple[str, ...]
+    record: np.dtype
+    packed: np.dtype | None
+
+
+# The messages of a topic are alike, so their form is worked out once.
+@lru_cache(maxsize=64)
+def _form(
+    fields: tuple[tuple[str, int, int, int], ...], point_step: int, is_bigendian: bool
+) -> _Form:
+    """Return how to read ``(name, offset, datatype, count)`` of some fields.
+
+    Raises:
+        OccError: PointCloud2 may express this, but it is no table.
+    """
+    names = tuple(name for name, _, _, _ in fields)
+    kinds = {datatype for _, _, datatype, _ in fields}
+    if not fields or is_bigendian or not kinds <= _DTYPES.keys():
         raise OccError(
-            f'a table of {message.height} x {message.width} points of {message.point_step} bytes '
-            f'has row_step {message.row_step}; allowed is {message.width * message.point_step}'
+            f'a PointCloud2 with fields {", ".join(names) or "(none)"} of datatypes '
+            f'{sorted(kinds)} is not a table; allowed are little-endian FLOAT32 and FLOAT64'
         )
+    for name, offset, datatype, count in fields:
+        # Some writers leave count at 0 where they mean 1.
+        if count > 1:
+            raise OccError(
+                f'the table field {name!r} holds {count} numbers per point; allowed is 1'
+            )
+        if offset + _DTYPES[datatype].itemsize > point_step:
+            raise OccError(
+                f'the table field {name!r} at byte {offset} reaches past the {point_step} bytes of '
+                'a point'
+            )
+    record = np.dtype(
+        {
+            'names': [str(index) for index in range(len(names))],
+            'formats': [_DTYPES[datatype] for _, _, datatype, _ in fields],
+            'offsets': [offset for _, offset, _, _ in fields],
+            'itemsize': point_step,
+        }
+    )
+    size = _DTYPES[fields[0][2]].itemsize
+    is_packed = len(kinds) == 1 and point_step == len(fields) * size
+    is_packed = is_packed and all(
+        offset == index * size for index, (_, offset, _, _) in enumerate(fields)
+    )
+    return _Form(names, record, _DTYPES[fields[0][2]] if is_packed else None)
 
 
-def _is_packed(fields: Any, message: Any) -> bool:
-    """Tell whether the fields follow one another without holes, in the order listed."""
-    size = message.point_step // len(fields)
-    return message.point_step == size * len(fields) == len(fields) * _DTYPES[
-        fields[0].datatype
-    ].itemsize and all(field.offset == index * size for index, field in enumerate(fields))
+@cache
+def _little(dtype: np.dtype) -> np.dtype:
+    return dtype.newbyteorder('<')

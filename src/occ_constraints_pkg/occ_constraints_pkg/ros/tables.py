@@ -63,8 +63,11 @@ def action_table(columns: Sequence[Column], action: np.ndarray) -> Table:
 
 def costs_table(judgement: Judgement) -> Table:
     """Return a judgement as the table that ``costs`` carries: float64, one row per robot."""
+    values = np.empty((len(judgement.verdict), len(COST_COLUMNS)))
     columns = (judgement.cost, judgement.verdict, judgement.margin, judgement.rule)
-    return Table(COST_COLUMNS, np.stack(columns, axis=1).astype(np.float64))
+    for place, column in enumerate(columns):
+        values[:, place] = column
+    return Table(COST_COLUMNS, values)
 
 
 def rule_stats_table(counts: RuleCounts) -> Table:

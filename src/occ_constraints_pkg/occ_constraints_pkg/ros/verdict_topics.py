@@ -30,10 +30,7 @@ from occ_constraints_pkg.rules import Judgement, RuleSet, Verdict
 
 
 class VerdictTopics:
-    """Publishes judgements on several topics.
-
-    ``costs`` and ``cost`` go out always, ``margin``, ``time_to_violation``, ``violation`` and
-    ``markers`` while somebody subscribes.
+    """Publishes judgements on several topics, each while somebody subscribes to it.
 
     Attributes:
         warning: estimates the time to a violation.
@@ -64,8 +61,9 @@ class VerdictTopics:
 
     def publish_costs(self, rule_set: RuleSet, judgement: Judgement, stamp_ns: int) -> None:
         """Answer an input with one row per robot, in the name of the rule set that judged."""
-        table = costs_table(judgement)
-        self._costs.publish(table_message(table, stamp_ns, rule_set.fingerprint))
+        if self._costs.get_subscription_count():
+            table = costs_table(judgement)
+            self._costs.publish(table_message(table, stamp_ns, rule_set.fingerprint))
 
     def publish_verdict(
         self,
@@ -84,8 +82,9 @@ class VerdictTopics:
             state: the steady verdict on robot 0, for people.
             features: where the rows come from.
         """
-        stamp = rows.stamp_ns
-        self._cost.publish(Float64(data=float(judgement.cost[0])))
+        stamp, verdict = rows.stamp_ns, Verdict(judgement.verdict[0])
+        if self._cost.get_subscription_count():
+            self._cost.publish(Float64(data=0.0 if verdict is Verdict.SAFE else 1.0))
         if self._margin.get_subscription_count():
             self._margin.publish(Float64(data=float(judgement.margin[0])))
         is_time_wanted = self._time.get_subscription_count()

@@ -87,8 +87,9 @@ def run_highway(
 ) -> dict[str, Any]:
     """Learn rules from the traffic, train all agents one after another, and compare them.
 
-    A stopped run goes on where it was: rules that are there are not learned again, trainings are
-    resumed, and those that are complete are not judged again.
+    A stopped run goes on where it was, and so does one that is given more steps or seeds: rules
+    that are there are not learned again, trainings are resumed, and those that are complete are
+    not judged again.
 
     Args:
         output: directory for rules and trainings, ``highway.json``, ``highway.md``, the curves in
@@ -128,21 +129,12 @@ def run_highway(
         )
         if is_stopped():
             break
-        judged = folder / 'judged.json'
-        if not judged.exists():
-            result = judge(folder / 'policy.npz', SETS[name], settings.episodes)
-            if seed == 0:
-                policy = GaussianPolicy.load(folder / 'policy.npz')
-                numbers = range(settings.in_highway_env)
-                result['in_highway_env'] = asdict(drive_both(policy, numbers))
-            with replacing(judged) as draft:
-                draft.write_text(json.dumps(result, indent=1) + '\n', encoding='utf-8')
         lines.append(
             {
                 'set': name,
                 'agent': agent,
                 'seed': seed,
-                **json.loads(judged.read_text(encoding='utf-8')),
+                **_judged(folder, settings, SETS[name], seed),
                 'curve': read_metrics(folder / 'outcomes.jsonl'),
             }
         )
@@ -270,6 +262,26 @@ def _draw_drives(output: Path, settings: HighwaySettings) -> None:
         rules = rules_for(output, name, settings.rules)
         for suffix in ('png', 'gif'):
             draw_drives(output / f'highway_drives.{suffix}', drives, rules)
+
+
+def _judged(
+    folder: Path, settings: HighwaySettings, scenarios: int, seed: int
+) -> dict[str, dict[str, float]]:
+    """Return how a trained policy does; what a file tells of it, if it was trained as long."""
+    file = folder / 'judged.json'
+    if file.exists():
+        found = json.loads(file.read_text(encoding='utf-8'))
+        if found.pop('steps', None) == settings.steps:
+            return found
+    result: dict[str, Any] = judge(folder / 'policy.npz', scenarios, settings.episodes)
+    if seed == 0:
+        policy = GaussianPolicy.load(folder / 'policy.npz')
+        numbers = range(settings.in_highway_env)
+        result['in_highway_env'] = asdict(drive_both(policy, numbers))
+    with replacing(file) as draft:
+        text = json.dumps({'steps': settings.steps, **result}, indent=1)
+        draft.write_text(text + '\n', encoding='utf-8')
+    return result
 
 
 def judge(policy: Path, scenarios: int, episodes: int) -> dict[str, dict[str, float]]:

@@ -34,6 +34,8 @@ def results(tmp_path_factory):
     folder = tmp_path_factory.mktemp('truth')
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(truth, 'drive_states', drawn_states)
+        # Each of these drives is costly for 5 % of the time.
+        patch.setattr(truth, 'MOST_COSTLY', 0.06)
         return folder, truth.run_truth(folder, samples=10_000, draws=2, names=['PointGoal1'])
 
 
@@ -80,6 +82,18 @@ def test_costly_drives_are_mixed_in_until_there_are_enough(monkeypatch):
     values, costly = drives._demonstrations(0.045, np.arange(19), rng)
     assert len(values) == 19 * STEPS
     assert 0.045 <= costly.mean() < 0.09
+
+
+def test_the_costliest_drives_are_left_out():
+    values = np.arange(4.0)[:, None, None] * np.ones((1, 100, 1))
+    costly = np.zeros((4, 100), dtype=bool)
+    costly[0, :3] = costly[2, :50] = costly[3, :1] = True
+    kept, kept_costly = truth._without_costliest(values, costly)
+    # 0, 1 and 3 % are 4/3 % in all; without the 3 % they are a half.
+    assert kept[:, 0, 0].tolist() == [1.0, 3.0]
+    assert kept_costly.sum() == 1
+    with pytest.raises(OccError, match=r'best drive 3\.0% of the samples are costly'):
+        truth._without_costliest(values[[0, 2]], costly[[0, 2]])
 
 
 def test_the_blind_see_no_hazard_and_the_rest():

@@ -3,11 +3,12 @@
 """How well the true cost is recovered from demonstrations, with the learner's defaults.
 
 The true cost of the Safety-Gym tasks is known: a state is costly where it is too near a hazard.
-The learner never sees it. Demonstrations are drives of a world's expert; at the second level,
-drives of one who pays no heed to hazards are mixed in, the costliest first, until enough of the
-samples are costly. The rules are judged on other drives of the heedless driver and of one with
-random actions. Heedless is a scripted driver that goes straight to the goal, or, where there is
-none, the expert with its hazard lidar covered up.
+The learner never sees it. Demonstrations are drives of a world's expert, without the costliest of
+them if more than 1 % of the samples are costly: who collects demonstrations leaves out what went
+wrong. At the second level, drives of one who pays no heed to hazards are mixed in, the costliest
+first, until enough of the samples are costly. The rules are judged on other drives of the heedless
+driver and of one with random actions. Heedless is a scripted driver that goes straight to the goal,
+or, where there is none, the expert with its hazard lidar covered up.
 """
 
 from __future__ import annotations
@@ -36,6 +37,9 @@ from occ_constraints_pkg.worlds.registry import WORLDS, make_world
 
 LEVELS = {'expert': None, 'mixed': 0.045}
 """Names of the levels, and the share of costly samples that is mixed to."""
+
+MOST_COSTLY = 0.01
+"""Largest share of costly samples in the drives of an expert."""
 
 _FEWEST_SAMPLES = 1000
 _JUDGED_EPISODES = 200
@@ -147,7 +151,7 @@ class _Drives:
                 driver = _blinded(driver, [column.name for column in one.columns])
             return drive_states(world, driver, self.map, count, 10_000 * number + seed)
 
-        self.expert = drive('expert', episodes, 1)
+        self.expert = _without_costliest(*drive('expert', episodes, 1))
         self.heedless = drive(self.heedless_name, max(needed, _JUDGED_EPISODES), 2)
         self.unseen = drive('expert', _JUDGED_EPISODES, 3)
         self.judged = {
@@ -224,6 +228,20 @@ class _Drives:
             np.concatenate([part.reshape(-1, features) for part, _ in parts]).astype(np.float64),
             np.concatenate([part.ravel() for _, part in parts]),
         )
+
+
+def _without_costliest(values: np.ndarray, costly: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the drives in their order, without the costliest that make it too many in all."""
+    shares = costly.mean(axis=1)
+    ascending = np.argsort(shares, kind='stable')
+    means = np.cumsum(shares[ascending]) / np.arange(1, len(shares) + 1)
+    kept = np.sort(ascending[means <= MOST_COSTLY])
+    if not len(kept):
+        raise OccError(
+            f'in the best drive {shares.min():.1%} of the samples are costly; '
+            f'allowed are {MOST_COSTLY:.0%}'
+        )
+    return values[kept], costly[kept]
 
 
 def _blinded(driver: Driver, names: Sequence[str]) -> Driver:

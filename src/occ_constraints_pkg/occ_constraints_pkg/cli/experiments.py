@@ -14,6 +14,7 @@ from occ_constraints_pkg.cli.common import (
     DATA,
     FEATURE_MAP_HELP,
     JSON,
+    Seconds,
     checked_cost_limit,
     end_tidily,
     needed_cost,
@@ -48,7 +49,7 @@ def demo(output: str, train_seconds: float) -> int:
 @click.argument('name', type=click.Choice(list(BENCHMARKS)))
 @click.option(
     '--seconds',
-    type=click.FloatRange(min=0.0, min_open=True),
+    type=Seconds(),
     help="Measured time per form; default: the benchmark's own.",
 )
 @JSON
@@ -240,7 +241,13 @@ def worlds(output: str, episodes: int, data: str | None, as_json: bool) -> None:
     type=click.Choice(['RL', 'RL with engineered reward', 'ours']),
     help='Only this agent; may be repeated.',
 )
-@click.option('--steps', default=600_000, show_default=True, help='Robot steps per training.')
+@click.option(
+    '--steps',
+    default=600_000,
+    type=click.IntRange(min=1),
+    show_default=True,
+    help='Robot steps per training.',
+)
 @click.option('--seeds', default=3, type=click.IntRange(min=1), show_default=True)
 @JSON
 def highway(
@@ -265,8 +272,11 @@ def highway(
         )
     if as_json:
         print_json(result)
-        return
-    click.echo((Path(output) / 'highway.md').read_text(encoding='utf-8'))
+    elif result['lines']:
+        click.echo((Path(output) / 'highway.md').read_text(encoding='utf-8'))
+    if stop_request.made:
+        # All is saved; told and ended as any other stopped command.
+        raise KeyboardInterrupt
 
 
 @experiment.command()

@@ -120,6 +120,21 @@ def test_a_monitor_is_led_through_its_states(nodes, witness, rules_of):
     assert process.is_running
 
 
+def test_a_monitor_that_started_itself_says_why_a_later_step_fails(nodes, witness, rules_of):
+    rules_of['simple_nav'].save(nodes.folder / 'rules.yaml')
+    missing = str(nodes.folder / 'nowhere.yaml')
+    process = nodes.start('monitor', constraints_file=str(nodes.folder / 'rules.yaml'))
+    manager = Manager(witness)
+    witness.spin_until(lambda: manager.state() == 'active', 20.0)
+    assert not manager.change(number=1)
+    assert manager.change('deactivate')
+    assert manager.change('cleanup')
+    assert manager.set('constraints_file', missing).successful
+    assert not manager.change('configure')
+    assert f'configure failed: cannot read {missing}' in process.log.read_text()
+    assert manager.state() == 'unconfigured'
+
+
 def test_a_rule_set_that_came_before_is_used_once_configured(nodes, witness, rules_of):
     from occ_constraints_pkg.ros.qos import LATCHED
     from std_msgs.msg import String

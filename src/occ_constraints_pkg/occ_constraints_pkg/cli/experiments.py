@@ -30,7 +30,7 @@ from occ_constraints_pkg.stopping import stop_request
 
 @click.command()
 @click.option('-o', '--output', default='demo_output', show_default=True, type=click.Path())
-@click.option('--train-seconds', default=120.0, show_default=True)
+@click.option('--train-seconds', default=120.0, type=Seconds(), show_default=True)
 def demo(output: str, train_seconds: float) -> int:
     """Run the whole loop on PointGoal1: record, learn, monitor, train; write a page.
 
@@ -430,9 +430,17 @@ def depth(
 )
 @click.option('--demonstrations', default=50, show_default=True, help='Episodes of the expert.')
 @click.option('--cost-limit', default='demonstrations', show_default=True)
-@click.option('--steps', default=4_000_000, show_default=True, help='Robot steps per training.')
-@click.option('--first-seed', default=0, show_default=True)
-@click.option('--seeds', default=3, show_default=True, help='Trainings.')
+@click.option(
+    '--steps',
+    default=4_000_000,
+    type=click.IntRange(min=1),
+    show_default=True,
+    help='Robot steps per training.',
+)
+@click.option('--first-seed', default=0, type=click.IntRange(min=0), show_default=True)
+@click.option(
+    '--seeds', default=3, type=click.IntRange(min=1), show_default=True, help='Trainings.'
+)
 @JSON
 def transfer(output: str, as_json: bool, **given: Any) -> None:
     """Learn rules from an expert, train with them, compare; writes transfer.json.

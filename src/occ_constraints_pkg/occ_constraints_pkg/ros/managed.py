@@ -39,6 +39,7 @@ class ManagedNode(LifecycleNodeMixin, OccNode):
         self._autostart = self.parameter(
             'autostart', True, 'configure and activate at once, without a lifecycle manager'
         )
+        self._is_starting = False
         self._settings: set[str] = set()
         LifecycleNodeMixin.__init__(self)
         service = next(one for one in self.services if one.srv_type is ChangeState)
@@ -65,9 +66,11 @@ class ManagedNode(LifecycleNodeMixin, OccNode):
         """
         if not self._autostart:
             return
+        self._is_starting = True
         for trigger in (self.trigger_configure, self.trigger_activate):
             if trigger() != TransitionCallbackReturn.SUCCESS:
                 raise self._mistake or OccError(f'node {self.get_name()!r} could not be started')
+        self._is_starting = False
 
     def configure(self) -> None:
         """Make ready to be activated.
@@ -160,7 +163,8 @@ class ManagedNode(LifecycleNodeMixin, OccNode):
             self._mistake = error
             if undo is not None:
                 undo()
-            if not self._autostart:
+            if not self._is_starting:
+                # What ends the start is told by whoever called `begin`.
                 self.get_logger().error(f'{step.__name__} failed: {error}')
             return TransitionCallbackReturn.FAILURE
         except Exception:

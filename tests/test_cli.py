@@ -339,3 +339,19 @@ def test_a_stopped_training_is_saved(tmp_path, number):
     assert (process.returncode, err.strip()) == (130, 'stopped')
     assert 'runs' in out
     assert GaussianPolicy.load(tmp_path / 'runs' / 'policy.npz').world == 'simple_nav'
+
+
+@pytest.mark.parametrize(
+    ('line', 'sentence'),
+    [
+        ('demo --train-seconds nan', "got 'nan'; allowed is a finite number"),
+        ('experiment transfer --seeds 0', '0 is not in the range x>=1'),
+        ('experiment transfer --steps 0', '0 is not in the range x>=1'),
+        ('experiment transfer --first-seed -1', '-1 is not in the range x>=0'),
+    ],
+)
+def test_a_wrong_number_is_refused_before_anything_runs(occ, tmp_path, line, sentence):
+    code, out, err = occ(f'{line} -o made')
+    assert (code, out) == (2, '')
+    assert sentence in err
+    assert not (tmp_path / 'made').exists()

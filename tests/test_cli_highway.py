@@ -1,6 +1,7 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
 import json
+import signal
 
 import pytest
 
@@ -23,6 +24,63 @@ def test_a_scenario_or_driver_that_is_not_there_is_refused(occ):
     code, _, err = occ('drive highway_restricted --driver straight')
     assert code == 2
     assert "no scripted driver 'straight'" in err
+    code, _, err = occ('drive highway --driver straight')
+    assert code == 2
+    assert "no driver 'straight'; allowed are random, expert and a policy file" in err
+
+
+@pytest.mark.parametrize(
+    ('line', 'sentence'),
+    [
+        ('drive highway --steps 5', '--steps is not for world highway; allowed is a whole'),
+        ('drive simple_nav -c rules.yaml', '--constraints is not for world simple_nav'),
+    ],
+)
+def test_an_option_without_effect_is_refused(occ, tmp_path, line, sentence):
+    code, _, err = occ(f'{line} -o drive.png')
+    assert code == 2
+    assert sentence in err
+    assert not (tmp_path / 'drive.png').exists()
+
+
+@pytest.mark.parametrize(
+    ('options', 'sentence'),
+    [
+        ('--steps 0', '0 is not in the range x>=1'),
+        ('--rules nowhere.yaml', 'cannot read nowhere.yaml'),
+        ('--rules strange.yaml', 'the constraints have no feature_map'),
+        ('--cost-limit -1', 'learner setting cost_limit is -1.0; allowed is 0 or more'),
+    ],
+)
+def test_a_mistake_about_ours_is_told_before_any_training(occ, tmp_path, options, sentence):
+    pytest.importorskip('torch')
+    pytest.importorskip('highway_env')
+    (tmp_path / 'strange.yaml').write_text(
+        'schema_version: 1\n'
+        'features: [{name: x, demonstrated: [0.0, 1.0]}]\n'
+        "rules: [{id: X, literals: [{feature: x, operator: '>', bound: 0.9}]}]\n"
+    )
+    code, _, err = occ(f'experiment highway {options} -o runs')
+    assert code == 2
+    assert sentence in err
+    assert not (tmp_path / 'runs').exists()
+
+
+def test_a_stopped_experiment_is_told_as_other_stopped_commands(occ, monkeypatch, tmp_path):
+    pytest.importorskip('torch')
+    pytest.importorskip('highway_env')
+    from occ_constraints_pkg.experiments import highway
+
+    run = highway.run_highway
+
+    def run_and_stop(*args, **options):
+        signal.raise_signal(signal.SIGINT)
+        return run(*args, **options)
+
+    monkeypatch.setattr(highway, 'run_highway', run_and_stop)
+    code, out, err = occ('experiment highway --agent RL --set restricted -o runs')
+    assert (code, out, err.strip()) == (130, '', 'stopped')
+    assert not (tmp_path / 'runs' / 'highway.json').exists()
 
 
 def test_a_wrong_cost_limit_is_refused(occ):

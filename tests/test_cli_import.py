@@ -99,3 +99,11 @@ def test_mistakes(occ, tmp_path, line, sentence):
     assert sentence in err
     assert err.count('\n') == 1
     assert sorted(os.listdir(tmp_path)) == before
+
+
+@pytest.mark.parametrize('option', ['--warn', '--warning-window', '--timeout', '--bridge'])
+@pytest.mark.parametrize('number', ['nan', 'inf'])
+def test_times_that_are_none_are_refused(occ, option, number):
+    code, out, err = occ(f'check bag -c rules.yaml {option} {number}')
+    assert (code, out) == (2, '')
+    assert f"got '{number}'; allowed is a finite number" in err

@@ -49,6 +49,10 @@ def test_rules_go_on_and_off_and_bounds_move():
         (([], [], ['NEAR gap < 1']), "allowed is 'RULE: FEATURE OPERATOR NUMBER'"),
         (([], [], ['NEAR: gap < nan']), "allowed is 'RULE: FEATURE OPERATOR NUMBER'"),
         (([], [], ['NEAR: gap < near']), "allowed is 'RULE: FEATURE OPERATOR NUMBER'"),
+        (
+            ([], [], ['NEAR: gap < 1', 'NEAR:gap<2']),
+            "bound gap < of rule 'NEAR' is to be moved twice",
+        ),
         (([], [], ['NEAR: gap < -1']), "'NEAR' can never be true"),
     ],
 )

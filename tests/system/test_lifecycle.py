@@ -28,11 +28,11 @@ class Manager:
             witness.node.create_subscription(kind, topic, heard.append, qos)
         self.stamp = 10**18
 
-    def change(self, label):
+    def change(self, label='', number=0):
         from lifecycle_msgs.msg import Transition
         from lifecycle_msgs.srv import ChangeState
 
-        transition = Transition(label=label)
+        transition = Transition(label=label, id=number)
         return self.witness.call(ChangeState, 'monitor/change_state', transition=transition).success
 
     def state(self):
@@ -75,6 +75,14 @@ def test_a_monitor_is_led_through_its_states(nodes, witness, rules_of):
     assert not manager.change('configure')
     assert f'configure failed: cannot read {missing}' in process.log.read_text()
     assert manager.state() == 'unconfigured'
+    # By number, as lifecycle managers ask: to activate, and what no state knows.
+    assert not manager.change(number=3)
+    assert not manager.change(number=99)
+    assert not manager.change('activate')
+    assert 'there is no transition 3 from unconfigured; allowed are 1 (configure)' in (
+        process.log.read_text()
+    )
+    assert manager.state() == 'unconfigured'
 
     assert manager.set('constraints_file', str(nodes.folder / 'rules.yaml')).successful
     assert manager.change('configure')
@@ -104,12 +112,27 @@ def test_a_monitor_is_led_through_its_states(nodes, witness, rules_of):
     assert len(manager.verdicts) == count
 
     assert manager.change('cleanup')
-    assert manager.change('configure')
+    assert manager.change(number=1)
     assert manager.change('activate')
     manager.until_safe()
     assert manager.change('shutdown')
     assert manager.state() == 'finalized'
     assert process.is_running
+
+
+def test_a_monitor_that_started_itself_says_why_a_later_step_fails(nodes, witness, rules_of):
+    rules_of['simple_nav'].save(nodes.folder / 'rules.yaml')
+    missing = str(nodes.folder / 'nowhere.yaml')
+    process = nodes.start('monitor', constraints_file=str(nodes.folder / 'rules.yaml'))
+    manager = Manager(witness)
+    witness.spin_until(lambda: manager.state() == 'active', 20.0)
+    assert not manager.change(number=1)
+    assert manager.change('deactivate')
+    assert manager.change('cleanup')
+    assert manager.set('constraints_file', missing).successful
+    assert not manager.change('configure')
+    assert f'configure failed: cannot read {missing}' in process.log.read_text()
+    assert manager.state() == 'unconfigured'
 
 
 def test_a_rule_set_that_came_before_is_used_once_configured(nodes, witness, rules_of):

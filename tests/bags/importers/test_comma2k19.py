@@ -87,6 +87,9 @@ FAULTS = {
     ),
     'time goes back': ('speed/t', lambda a: a[::-1], r'speed/t, row 1: the time does not grow'),
     'another time': ('speed/t', lambda a: a + 900.0, r'camera and speed were not recorded at the'),
+    'radar of another time': (
+        'radar/t', lambda a: a - 900.0, r'camera and radar were not recorded at the same time',
+    ),
     'km/h': ('speed/value', lambda a: a * 3.6, r'speed/value: .* has speeds that are 3.6 times'),
 }  # fmt: skip
 

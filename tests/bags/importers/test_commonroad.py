@@ -112,6 +112,9 @@ MALFORMED = {
         r'<state> has the time step 1; allowed are whole numbers that grow',
     ),
     'jump': ('<x>84.0</x>', '<x>884.0</x>', r'<dynamicObstacle> jumps, at 8020 m/s to the next'),
+    'orientation in degrees': (
+        'HEADING', '', r'<dynamicObstacle> heads elsewhere than its positions go, as do most',
+    ),
     'off the road': (
         'FAR', '', r'made.xml: no vehicle is on a lanelet; allowed are one or more',
     ),
@@ -138,6 +141,8 @@ def malformed(old, new):
         return text[: text.index('<lanelet')] + text[text.index('<dynamic') :]
     if old == 'VEHICLES':
         return text[: text.index('<dynamic')] + '</commonRoad>'
+    if old == 'HEADING':
+        return text.replace('<exact>0.0</exact></orientation>', '<exact>90.0</exact></orientation>')
     if old == 'FAR':
         for y in ('6.0', '6.5', '10.0'):
             text = text.replace(f'<y>{y}</y>', '<y>90.0</y>')

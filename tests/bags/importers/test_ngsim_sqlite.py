@@ -98,6 +98,10 @@ MALFORMED = {
         'UPDATE Trajectory SET speed = speed * 3.28',
         r'column speed: vehicle 1, at 0 s, has speeds that are 3.28 times what positions and times',
     ),
+    'heading in degrees': (
+        'UPDATE Trajectory SET heading_rad = heading_rad * 57.3',
+        r'column heading_rad: vehicle 1, at 0 s, heads elsewhere than its positions go',
+    ),
     'lane': (
         'UPDATE Trajectory SET lane_id = 0 WHERE vehicle_id = 2 AND sim_time = 0.3',
         r"vehicle_id 2, sim_time 0.3, column 'lane_id': got 0; allowed are whole numbers from 1",

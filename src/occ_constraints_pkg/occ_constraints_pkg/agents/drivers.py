@@ -9,7 +9,8 @@ from importlib import resources
 import numpy as np
 
 from occ_constraints_pkg.agents.policy import GaussianPolicy
-from occ_constraints_pkg.agents.scripted import Driver, make_driver
+from occ_constraints_pkg.agents.scripted import DRIVERS, Driver, make_driver
+from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.worlds.base import World
 
 _EXPERTS = resources.files(__package__).joinpath('experts')
@@ -36,6 +37,11 @@ def find_driver(
     elif name == 'expert' and shipped.is_file():
         with resources.as_file(shipped) as path:
             policy = GaussianPolicy.load(path)
+    elif shipped.is_file() and name not in DRIVERS[world.name]:
+        raise OccError(
+            f'world {world.name} has no driver {name!r}; allowed are '
+            f'{", ".join((*DRIVERS[world.name], "expert"))} and a policy file (.npz)'
+        )
     else:
         return make_driver(world.name, name, rng)
     policy.check_world(world.columns, world.action_columns)

@@ -21,6 +21,25 @@ DATA = click.argument('paths', metavar='DATA...', nargs=-1, required=True, type=
 JSON = click.option('--json', 'as_json', is_flag=True, help='Print one JSON object.')
 
 
+class Seconds(click.FloatRange):
+    """A finite time; click's own range lets ``nan`` and ``inf`` pass."""
+
+    def __init__(self, *, above_zero: bool = True) -> None:
+        """Allow 0 only if not ``above_zero``."""
+        super().__init__(min=0.0, min_open=above_zero)
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> float:
+        """Return the number.
+
+        Raises:
+            click.BadParameter: it is none, out of range or not finite.
+        """
+        seconds = super().convert(value, param, ctx)
+        if not math.isfinite(seconds):
+            self.fail(f'got {value!r}; allowed is a finite number', param, ctx)
+        return seconds
+
+
 def end_tidily() -> None:
     """Let SIGTERM do what Ctrl-C does: a training is saved, the nodes of a demo are ended."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)

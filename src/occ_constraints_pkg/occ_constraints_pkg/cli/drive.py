@@ -24,7 +24,9 @@ from occ_constraints_pkg.errors import OccError, import_needed
     help='.png: picture of the path; .gif, or .mp4 with ffmpeg: film.',
 )
 @click.option(
-    '--steps', type=click.IntRange(min=1), help='At most so many. Default: a whole episode.'
+    '--steps',
+    type=click.IntRange(min=1),
+    help='At most so many, but on the highway. Default: a whole episode.',
 )
 @click.option(
     '--seed',
@@ -60,7 +62,12 @@ def drive(
     from occ_constraints_pkg.agents.drivers import find_driver
     from occ_constraints_pkg.worlds.registry import make_world
 
-    if world.startswith('highway'):
+    on_highway = world.startswith('highway')
+    if on_highway and steps is not None:
+        raise OccError(f'--steps is not for world {world}; allowed is a whole episode')
+    if constraints is not None and not on_highway:
+        raise OccError(f'--constraints is not for world {world}; allowed are the highways')
+    if on_highway:
         numbers = _drive_highway(world, driver, Path(output), seed, constraints)
         _tell(output, numbers, as_json)
         return

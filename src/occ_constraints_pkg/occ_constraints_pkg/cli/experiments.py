@@ -14,6 +14,7 @@ from occ_constraints_pkg.cli.common import (
     DATA,
     FEATURE_MAP_HELP,
     JSON,
+    Seconds,
     checked_cost_limit,
     end_tidily,
     needed_cost,
@@ -29,7 +30,7 @@ from occ_constraints_pkg.stopping import stop_request
 
 @click.command()
 @click.option('-o', '--output', default='demo_output', show_default=True, type=click.Path())
-@click.option('--train-seconds', default=120.0, show_default=True)
+@click.option('--train-seconds', default=120.0, type=Seconds(), show_default=True)
 def demo(output: str, train_seconds: float) -> int:
     """Run the whole loop on PointGoal1: record, learn, monitor, train; write a page.
 
@@ -48,7 +49,7 @@ def demo(output: str, train_seconds: float) -> int:
 @click.argument('name', type=click.Choice(list(BENCHMARKS)))
 @click.option(
     '--seconds',
-    type=click.FloatRange(min=0.0, min_open=True),
+    type=Seconds(),
     help="Measured time per form; default: the benchmark's own.",
 )
 @JSON
@@ -240,7 +241,13 @@ def worlds(output: str, episodes: int, data: str | None, as_json: bool) -> None:
     type=click.Choice(['RL', 'RL with engineered reward', 'ours']),
     help='Only this agent; may be repeated.',
 )
-@click.option('--steps', default=600_000, show_default=True, help='Robot steps per training.')
+@click.option(
+    '--steps',
+    default=600_000,
+    type=click.IntRange(min=1),
+    show_default=True,
+    help='Robot steps per training.',
+)
 @click.option('--seeds', default=3, type=click.IntRange(min=1), show_default=True)
 @JSON
 def highway(
@@ -265,8 +272,11 @@ def highway(
         )
     if as_json:
         print_json(result)
-        return
-    click.echo((Path(output) / 'highway.md').read_text(encoding='utf-8'))
+    elif result['lines']:
+        click.echo((Path(output) / 'highway.md').read_text(encoding='utf-8'))
+    if stop_request.made:
+        # All is saved; told and ended as any other stopped command.
+        raise KeyboardInterrupt
 
 
 @experiment.command()
@@ -420,9 +430,17 @@ def depth(
 )
 @click.option('--demonstrations', default=50, show_default=True, help='Episodes of the expert.')
 @click.option('--cost-limit', default='demonstrations', show_default=True)
-@click.option('--steps', default=4_000_000, show_default=True, help='Robot steps per training.')
-@click.option('--first-seed', default=0, show_default=True)
-@click.option('--seeds', default=3, show_default=True, help='Trainings.')
+@click.option(
+    '--steps',
+    default=4_000_000,
+    type=click.IntRange(min=1),
+    show_default=True,
+    help='Robot steps per training.',
+)
+@click.option('--first-seed', default=0, type=click.IntRange(min=0), show_default=True)
+@click.option(
+    '--seeds', default=3, type=click.IntRange(min=1), show_default=True, help='Trainings.'
+)
 @JSON
 def transfer(output: str, as_json: bool, **given: Any) -> None:
     """Learn rules from an expert, train with them, compare; writes transfer.json.

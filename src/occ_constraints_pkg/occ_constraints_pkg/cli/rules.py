@@ -12,6 +12,7 @@ from occ_constraints_pkg.bags.timeline import BRIDGE_SECONDS, TIMEOUT_SECONDS, m
 from occ_constraints_pkg.cli.common import (
     DATA,
     JSON,
+    Seconds,
     needed_cost,
     number,
     print_json,
@@ -74,14 +75,14 @@ def show(constraints: str, why: str | None, as_json: bool) -> None:
     '--timeout',
     default=TIMEOUT_SECONDS,
     show_default=True,
-    type=click.FloatRange(min=0.0, min_open=True),
+    type=Seconds(),
     help='Seconds that a verdict stands without new input; after that the time is UNKNOWN.',
 )
 @click.option(
     '--bridge',
     default=BRIDGE_SECONDS,
     show_default=True,
-    type=click.FloatRange(min=0.0),
+    type=Seconds(above_zero=False),
     help='Violations of a rule that are at most as many seconds apart count as one.',
 )
 @click.option('--plot', type=click.Path(), help='Draw the timeline to this PNG file.')
@@ -89,14 +90,14 @@ def show(constraints: str, why: str | None, as_json: bool) -> None:
     '--warn',
     'horizon',
     metavar='SECONDS',
-    type=click.FloatRange(min=0.0, min_open=True),
+    type=Seconds(),
     help='Tell how early a monitor would have warned, if it does within so many seconds.',
 )
 @click.option(
     '--warning-window',
     default=WINDOW_SECONDS,
     show_default=True,
-    type=click.FloatRange(min=0.0, min_open=True),
+    type=Seconds(),
     help='For --warn: seconds over which rates of change are looked for.',
 )
 @JSON

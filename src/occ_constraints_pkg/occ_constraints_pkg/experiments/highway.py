@@ -99,11 +99,12 @@ def run_highway(
         is_stopped: asked now and then; ``True`` ends the run there, saved.
 
     Returns:
-        The document that ``highway.json`` holds.
+        The document that ``highway.json`` holds; if no training was completed, nothing is written.
 
     Raises:
         OccError: a setting is wrong, or a training cannot be resumed with these settings.
     """
+    _check(settings)
     make_directory(output)
     lines = []
     # Seeds outermost: a run that is stopped early has something of everything.
@@ -145,6 +146,9 @@ def run_highway(
         'machine': machine(),
         'versions': versions(('numpy', 'torch')),
     }
+    if not lines:
+        # Stopped in the first training: nothing to tell, nor to replace an earlier result by.
+        return document
     with replacing(output / 'highway.json') as draft:
         draft.write_text(json.dumps(document, indent=None) + '\n', encoding='utf-8')
     with replacing(output / 'highway.md') as draft:
@@ -153,6 +157,17 @@ def run_highway(
     if settings.drawn is not None:
         _draw_drives(output, settings)
     return document
+
+
+def _check(settings: HighwaySettings) -> None:
+    """Refuse wrong settings of ``ours`` before the agents ahead of it have been trained."""
+    limit = settings.cost_limit
+    if settings.rules is not None:
+        rules = load_constraints(settings.rules)
+        RuleCost(rules, CountedHighway)
+        limit = cost_limit(limit, rules)
+    if not isinstance(limit, str):
+        learner_settings({**settings.learner, 'cost_limit': limit})
 
 
 def rules_for(output: Path, name: str, given: str | None) -> Constraints:

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 from lifecycle_msgs.msg import State
+from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
@@ -38,8 +39,12 @@ class ManagedNode(LifecycleNodeMixin, OccNode):
         self._autostart = self.parameter(
             'autostart', True, 'configure and activate at once, without a lifecycle manager'
         )
+        self._is_starting = False
         self._settings: set[str] = set()
         LifecycleNodeMixin.__init__(self)
+        service = next(one for one in self.services if one.srv_type is ChangeState)
+        self._change_state = service.callback
+        service.callback = self._change_if_possible
         self.add_on_set_parameters_callback(self._check_settings)
 
     @property
@@ -61,9 +66,11 @@ class ManagedNode(LifecycleNodeMixin, OccNode):
         """
         if not self._autostart:
             return
+        self._is_starting = True
         for trigger in (self.trigger_configure, self.trigger_activate):
             if trigger() != TransitionCallbackReturn.SUCCESS:
                 raise self._mistake or OccError(f'node {self.get_name()!r} could not be started')
+        self._is_starting = False
 
     def configure(self) -> None:
         """Make ready to be activated.
@@ -109,6 +116,21 @@ class ManagedNode(LifecycleNodeMixin, OccNode):
             return SetParametersResult(successful=False, reason=reason)
         return SetParametersResult(successful=True)
 
+    def _change_if_possible(
+        self, request: ChangeState.Request, response: ChangeState.Response
+    ) -> ChangeState.Response:
+        """Refuse a transition that the state does not have; given by number, rclpy raises."""
+        asked = request.transition
+        there = {one[0]: one[1] for one in self._state_machine.available_transitions}
+        if asked.label or asked.id in there:
+            return self._change_state(request, response)
+        self.get_logger().error(
+            f'there is no transition {asked.id} from {self.state}; allowed are '
+            + ', '.join(f'{number} ({label})' for number, label in there.items())
+        )
+        response.success = False
+        return response
+
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Run :meth:`configure` for rclpy."""
         return self._run(self.configure, undo=self.cleanup)
@@ -141,7 +163,8 @@ class ManagedNode(LifecycleNodeMixin, OccNode):
             self._mistake = error
             if undo is not None:
                 undo()
-            if not self._autostart:
+            if not self._is_starting:
+                # What ends the start is told by whoever called `begin`.
                 self.get_logger().error(f'{step.__name__} failed: {error}')
             return TransitionCallbackReturn.FAILURE
         except Exception:

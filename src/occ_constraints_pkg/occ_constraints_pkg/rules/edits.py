@@ -45,7 +45,7 @@ class RuleEdits:
         bounds: bounds to move.
 
     Raises:
-        OccError: a rule is to be both enabled and disabled.
+        OccError: a rule is to be both enabled and disabled, or a bound to be moved twice.
     """
 
     disabled: tuple[str, ...] = ()
@@ -57,6 +57,14 @@ class RuleEdits:
         if both:
             raise OccError(
                 f'rule {both[0]!r} is to be enabled and disabled; allowed is one of them'
+            )
+        moved = [(item.rule, item.feature, item.operator) for item in self.bounds]
+        twice = next((one for one in moved if moved.count(one) > 1), None)
+        if twice is not None:
+            rule, feature, operator = twice
+            raise OccError(
+                f'the bound {feature} {operator} of rule {rule!r} is to be moved twice; allowed is '
+                'once'
             )
 
     @classmethod

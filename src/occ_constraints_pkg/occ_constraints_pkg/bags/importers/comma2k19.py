@@ -65,6 +65,8 @@ def read_comma2k19(path: Path, progress: Callable[[int, int], None] | None = Non
     inside = (times >= speed_times[0]) & (times <= speed_times[-1])
     if not inside.any():
         raise OccError(f'{path}: camera and speed were not recorded at the same time')
+    if len(radar_times) and not ((times >= radar_times[0]) & (times <= radar_times[-1])).any():
+        raise OccError(f'{path}: camera and radar were not recorded at the same time')
     speed = np.interp(times, speed_times, speeds)
     check_motion(
         f'{path / _SPEED}/value',

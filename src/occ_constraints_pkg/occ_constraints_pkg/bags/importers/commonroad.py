@@ -19,6 +19,8 @@ from occ_constraints_pkg.bags.importers.lanelets import Lanelet, RoadMap
 from occ_constraints_pkg.bags.importers.neighbours import gaps_by_lane, standing_inside
 from occ_constraints_pkg.bags.importers.plausible import (
     ALLOWED_LENGTH,
+    OTHER_WAY,
+    implausible_heading,
     implausible_motion,
     is_length,
 )
@@ -88,6 +90,11 @@ def _traffic(
     if found is not None:
         row, sentence = found
         file.fail(elements[vehicle[row]], f'{sentence}, from time step {instant[row]:g} on')
+    strayed = implausible_heading(vehicle, instant * step, points, orientation)
+    if strayed is not None:
+        file.fail(
+            elements[vehicle[strayed]], f'{OTHER_WAY}, from time step {instant[strayed]:g} on'
+        )
     placed = road.place(points)
     on_road = placed.lane >= 0
     warnings = [f'{path}: {count} {kind} left out' for kind, count in left_out.items()]

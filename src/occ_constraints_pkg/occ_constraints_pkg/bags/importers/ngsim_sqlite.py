@@ -26,8 +26,10 @@ from occ_constraints_pkg.bags.importers.neighbours import (
 from occ_constraints_pkg.bags.importers.plausible import (
     ALLOWED_LENGTH,
     LARGEST,
+    OTHER_WAY,
     check_lane_width,
     check_motion,
+    implausible_heading,
     is_length,
 )
 from occ_constraints_pkg.bags.importers.traffic import Traffic
@@ -164,6 +166,12 @@ def _traffic(path: Path, spec: dict[Any, Any], sizes: np.ndarray, rows: np.ndarr
             f"column 'lane_id': got {lane[row]:g}; allowed are whole numbers from 1 on the left"
         )
     check_motion(f'{path}: table Trajectory, column speed', vehicle, time, rows[:, 2:4], speed)
+    strayed = implausible_heading(vehicle, time, rows[:, 2:4], rows[:, 4] + math.pi / 2.0)
+    if strayed is not None:
+        raise OccError(
+            f'{path}: table Trajectory, column heading_rad: vehicle {vehicle[strayed]}, at '
+            f'{time[strayed]:.8g} s, {OTHER_WAY}'
+        )
     forward = np.array([-math.sin(heading), math.cos(heading)])
     along = rows[:, 2:4] @ forward
     left = rows[:, 2:4] @ np.array([-forward[1], forward[0]])

@@ -13,6 +13,8 @@ _LEAST_RATIO, _MOST_RATIO = 0.7, 1.4
 # Below this speed, noise of the positions outweighs the movement.
 _MOVING_M_S = 2.0
 _FASTEST_M_S = 150.0
+# Vehicles head where they go, by 45 degrees or less even when they drift or crawl.
+_LEAST_COSINE = 0.7
 LARGEST = 1e9
 """No number of a recording is larger, in whichever unit; squares of these can be added up."""
 
@@ -76,6 +78,37 @@ def check_motion(
     if found is not None:
         row, sentence = found
         raise OccError(f'{where}: vehicle {vehicle[row]}, at {time[row]:.8g} s, {sentence}')
+
+
+def implausible_heading(
+    vehicle: np.ndarray, time: np.ndarray, place: np.ndarray, heading: np.ndarray
+) -> int | None:
+    """Compare where vehicles are said to head with where they go; angles may be in degrees.
+
+    Args:
+        vehicle: (n,) who; the rows of one together and in order of time.
+        time: (n,) seconds.
+        place: (n, 2) metres.
+        heading: (n,) rad from the first axis to the second.
+
+    Returns:
+        None where the two agree in most rows; else the first row in which they do not.
+    """
+    steps = np.diff(time)
+    rows = np.flatnonzero((np.diff(vehicle) == 0) & (steps > 0))
+    moved = (place[rows + 1] - place[rows]) / steps[rows, None]
+    speed = np.linalg.norm(moved, axis=1)
+    rows, moved = rows[speed > _MOVING_M_S], moved[speed > _MOVING_M_S]
+    if not len(rows):
+        return None
+    ahead = np.stack([np.cos(heading[rows]), np.sin(heading[rows])], axis=1)
+    cosine = (ahead * moved).sum(axis=1) / speed[speed > _MOVING_M_S]
+    if float(np.median(cosine)) >= _LEAST_COSINE:
+        return None
+    return int(rows[np.argmax(cosine < _LEAST_COSINE)])
+
+
+OTHER_WAY = 'heads elsewhere than its positions go, as do most; allowed are radians'
 
 
 def check_lane_width(where: str, width: float) -> None:

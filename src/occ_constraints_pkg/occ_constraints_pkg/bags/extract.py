@@ -150,9 +150,7 @@ class FeatureExtractor:
         self._last = now.stamp, values
         return FeatureRows(row_ns, values, table, repeat, note)
 
-    def _gathered(
-        self, parts: dict[str, Held], count: int
-    ) -> tuple[np.ndarray, list[int | None]]:
+    def _gathered(self, parts: dict[str, Held], count: int) -> tuple[np.ndarray, list[int | None]]:
         """Return (count, readings) of several topics, and each reading's stamp."""
         read = np.full((count, len(self._readings)), np.nan)
         stamps: list[int | None] = [None] * len(self._readings)

@@ -98,7 +98,8 @@ class FeatureExtractor:
             return None
         held = Held(message, header_stamp_ns(message), receive_time_ns)
         if key == self.pace_key:
-            return self._row(held, {key: held, **self._fresh(held, {key})})
+            others = self._fresh(held, {key}) if self._held else {}
+            return self._row(held, {key: held, **others})
         self._held[key] = held
         if self._clock is None or not self._clock.is_due(held.stamp, receive_time_ns):
             return None
@@ -131,13 +132,10 @@ class FeatureExtractor:
         for key, held in parts.items():
             held.read(self._readers[key])
         row_ns = now.arrival if now.stamp is None else now.stamp
-        count = max((len(held.values) for held in parts.values()), default=1)
-        if self.pace_key:
-            count = len(now.values)
         if self.pace_key and len(self._readers) == 1:
             read, stamps = now.values, [now.stamp] * len(self._readings)
         else:
-            read, stamps = self._gathered(parts, count)
+            read, stamps = self._gathered(now, parts)
         table = now.table if self.pace_key else None
         values = self._transforms.apply(read, stamps, row_ns, self._restarted(table))
         last_stamp, last_values = self._last
@@ -150,8 +148,11 @@ class FeatureExtractor:
         self._last = now.stamp, values
         return FeatureRows(row_ns, values, table, repeat, note)
 
-    def _gathered(self, parts: dict[str, Held], count: int) -> tuple[np.ndarray, list[int | None]]:
-        """Return (count, readings) of several topics, and each reading's stamp."""
+    def _gathered(self, now: Held, parts: dict[str, Held]) -> tuple[np.ndarray, list[int | None]]:
+        """Return (rows, readings) of several topics, and each reading's stamp."""
+        count = max((len(held.values) for held in parts.values()), default=1)
+        if self.pace_key:
+            count = len(now.values)
         read = np.full((count, len(self._readings)), np.nan)
         stamps: list[int | None] = [None] * len(self._readings)
         for key, held in parts.items():

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,8 +15,7 @@ from occ_constraints_pkg.bags.table_messages import STAMP, STAMP_AT, TableHead
 from occ_constraints_pkg.errors import OccError
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class TableMessage:
+class TableMessage(NamedTuple):
     """What a decoded PointCloud2 would say, as far as anyone asks.
 
     Attributes:

@@ -85,6 +85,7 @@ def test_refuses_values_that_are_no_table(names, values, reason):
         (lambda m: setattr(m, 'fields', replaced_fields(m, count=3)), 'holds 3 numbers'),
         (lambda m: setattr(m, 'fields', replaced_fields(m, offset=9)), 'reaches past'),
         (lambda m: setattr(m, 'fields', replaced_fields(m, name='a')), 'twice'),
+        (lambda m: setattr(m, 'point_step', 2**31), 'points of 2147483648 bytes'),
         (lambda m: setattr(m, 'fields', []), 'is not a table'),
         (lambda m: setattr(m, 'is_bigendian', True), 'is not a table'),
         (lambda m: setattr(m, 'data', m.data[:-1]), 'holds only'),

@@ -1,7 +1,5 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-from types import SimpleNamespace
-
 import pytest
 
 pytest.importorskip('rclpy', reason="needs the extra 'ros'")
@@ -12,10 +10,10 @@ from occ_constraints_pkg.ros.arrival import ArrivalClock
 class Node:
     """A node whose clocks are set by hand."""
 
-    ros_ns, steady = 0, 100.0
+    time_ns, steady = 0, 100.0
 
-    def get_clock(self):
-        return SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=self.ros_ns))
+    def ros_ns(self):
+        return self.time_ns
 
     def steady_seconds(self):
         return self.steady
@@ -27,7 +25,7 @@ def node():
 
 
 def arrive(node, clock, *, ros_ns, after):
-    node.ros_ns, node.steady = ros_ns, node.steady + after
+    node.time_ns, node.steady = ros_ns, node.steady + after
     assert clock.now_ns() == ros_ns
     return clock.problem()
 

@@ -86,7 +86,7 @@ class FeatureExtractor:
         Args:
             topic: the topic's name as in the feature map, with or without leading slash; a
                 message of a topic that the map does not use is ignored.
-            message: a message of ``rosbags`` or ``rclpy``.
+            message: a message of ``rosbags`` or ``rclpy``, or a :class:`TableMessage`.
             receive_time_ns: when it arrived, on the same clock for all topics.
 
         Raises:
@@ -98,7 +98,8 @@ class FeatureExtractor:
             return None
         held = Held(message, header_stamp_ns(message), receive_time_ns)
         if key == self.pace_key:
-            return self._row(held, {key: held, **self._fresh(held, {key})})
+            others = self._fresh(held, {key}) if self._held else {}
+            return self._row(held, {key: held, **others})
         self._held[key] = held
         if self._clock is None or not self._clock.is_due(held.stamp, receive_time_ns):
             return None
@@ -131,6 +132,24 @@ class FeatureExtractor:
         for key, held in parts.items():
             held.read(self._readers[key])
         row_ns = now.arrival if now.stamp is None else now.stamp
+        if self.pace_key and len(self._readers) == 1:
+            read, stamps = now.values, [now.stamp] * len(self._readings)
+        else:
+            read, stamps = self._gathered(now, parts)
+        table = now.table if self.pace_key else None
+        values = self._transforms.apply(read, stamps, row_ns, self._restarted(table))
+        last_stamp, last_values = self._last
+        note = ''
+        if back_ns > self._max_age_ns and table is None:
+            # Whatever is held is of another time. Stamps of tables only tell steps apart.
+            values, note = np.full_like(values, np.nan), f'time went back by {back_ns * 1e-9:.3g} s'
+        repeat = now.stamp is not None and now.stamp == last_stamp
+        repeat = repeat and np.array_equal(values, last_values, equal_nan=True)
+        self._last = now.stamp, values
+        return FeatureRows(row_ns, values, table, repeat, note)
+
+    def _gathered(self, now: Held, parts: dict[str, Held]) -> tuple[np.ndarray, list[int | None]]:
+        """Return (rows, readings) of several topics, and each reading's stamp."""
         count = max((len(held.values) for held in parts.values()), default=1)
         if self.pace_key:
             count = len(now.values)
@@ -147,17 +166,7 @@ class FeatureExtractor:
             read[:, places] = held.values
             for place in places:
                 stamps[place] = held.stamp
-        table = now.table if self.pace_key else None
-        values = self._transforms.apply(read, stamps, row_ns, self._restarted(table))
-        last_stamp, last_values = self._last
-        note = ''
-        if back_ns > self._max_age_ns and table is None:
-            # Whatever is held is of another time. Stamps of tables only tell steps apart.
-            values, note = np.full_like(values, np.nan), f'time went back by {back_ns * 1e-9:.3g} s'
-        repeat = now.stamp is not None and now.stamp == last_stamp
-        repeat = repeat and np.array_equal(values, last_values, equal_nan=True)
-        self._last = now.stamp, values
-        return FeatureRows(row_ns, values, table, repeat, note)
+        return read, stamps
 
     def _restarted(self, table: Table | None) -> np.ndarray | None:
         """Tell which rows of a table are of another episode than before."""

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from occ_constraints_pkg.bags.serialized_tables import TableMessage
 from occ_constraints_pkg.bags.sources import Reading
 from occ_constraints_pkg.documents import did_you_mean
 from occ_constraints_pkg.errors import OccError
@@ -322,6 +323,8 @@ def field_names(message: Any) -> list[str]:
 
 def header_stamp_ns(message: Any) -> int | None:
     """Return a message's header stamp in ns; None without a header or with the unset stamp 0."""
+    if isinstance(message, TableMessage):
+        return message.stamp_ns or None
     stamp = getattr(getattr(message, 'header', None), 'stamp', None)
     if not (hasattr(stamp, 'sec') and hasattr(stamp, 'nanosec')):
         return None

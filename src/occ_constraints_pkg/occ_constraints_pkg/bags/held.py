@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from occ_constraints_pkg.bags.fields import MessageReader
+from occ_constraints_pkg.bags.serialized_tables import TableMessage
 from occ_constraints_pkg.bags.sources import Reading
 from occ_constraints_pkg.bags.table import Table
 from occ_constraints_pkg.documents import did_you_mean
@@ -20,7 +21,7 @@ class Held:
     """The last message of a topic, with its values once they have been asked for.
 
     Attributes:
-        message: of rosbags or rclpy.
+        message: of rosbags or rclpy, or a :class:`TableMessage`.
         stamp: its header stamp in ns; None without one.
         arrival: when it came, in ns.
         values: (rows, readings) float64; None until :meth:`read`.
@@ -77,7 +78,8 @@ class TopicReader:
         Raises:
             OccError: the message lacks what is asked for, or is no table where one is asked for.
         """
-        has_points = hasattr(message, 'point_step')
+        is_read = isinstance(message, TableMessage)
+        has_points = is_read or hasattr(message, 'point_step')
         if not self._is_table and not (self._is_unread and has_points):
             return np.array([self._fields.read(message)]), None
         if not has_points:
@@ -87,7 +89,7 @@ class TopicReader:
                 f'{reading.topic!r}, whose messages are {type(message).__name__}; '
                 'allowed is a table (sensor_msgs/msg/PointCloud2)'
             )
-        table = Table.from_message(message)
+        table = message.table if is_read else Table.from_message(message)
         if table.names != self._names:
             self._positions = np.array([_find(table, *item) for item in self._columns], np.intp)
             self._names = table.names

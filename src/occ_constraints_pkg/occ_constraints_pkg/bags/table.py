@@ -15,6 +15,8 @@ from occ_constraints_pkg.errors import OccError
 # sensor_msgs/PointField datatype numbers; a table holds columns of one of these two kinds.
 FLOAT32, FLOAT64 = 7, 8
 _DTYPES = {FLOAT32: np.dtype('<f4'), FLOAT64: np.dtype('<f8')}
+# NumPy knows no larger records.
+_LARGEST_STEP = 2**31 - 1
 _DATATYPES = {dtype: number for number, dtype in _DTYPES.items()}
 
 
@@ -137,6 +139,10 @@ def _form(
         raise OccError(
             f'a PointCloud2 with fields {", ".join(names) or "(none)"} of datatypes '
             f'{sorted(kinds)} is not a table; allowed are little-endian FLOAT32 and FLOAT64'
+        )
+    if point_step > _LARGEST_STEP:
+        raise OccError(
+            f'a table has points of {point_step} bytes; allowed are up to {_LARGEST_STEP}'
         )
     for name, offset, datatype, count in fields:
         # Some writers leave count at 0 where they mean 1.

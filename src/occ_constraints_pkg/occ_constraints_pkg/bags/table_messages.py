@@ -8,13 +8,74 @@ import struct
 from collections.abc import Sequence
 
 import numpy as np
-from rosbags.typesys import Stores, get_typestore
 
 from occ_constraints_pkg.bags.table import Table
 
 TABLE_TYPE = 'sensor_msgs/msg/PointCloud2'
-# The stamp follows the four bytes that say which CDR it is; ``is_dense`` follows the data.
-_STAMP_AT, _DENSE_BYTES = 4, 1
+# Four bytes that name the encoding, little-endian CDR: the last two are free. Then the stamp.
+_ENCODING = b'\0\1'
+STAMP = struct.Struct('<iI')
+STAMP_AT = 4
+# What follows the numbers: ``is_dense``.
+_IS_DENSE = b'\1'
+
+
+class TableHead:
+    """What stands before the numbers of a serialized PointCloud2, in CDR.
+
+    Attributes:
+        known: the bytes; 0 where others will do.
+        mask: 255 for each byte that is as it must be; 0 for the stamp, and for those that only
+            fill up and may hold anything.
+
+    Args:
+        frame_id: of the header.
+        height: of the cloud.
+        width: of the cloud.
+        layout: ``(name, offset, datatype, count)`` of each field.
+        point_step: bytes of a point.
+        row_step: bytes of a row.
+        size: bytes of all numbers.
+    """
+
+    def __init__(
+        self,
+        frame_id: str,
+        height: int,
+        width: int,
+        layout: Sequence[tuple[str, int, int, int]],
+        point_step: int,
+        row_step: int,
+        size: int,
+    ) -> None:
+        free = bytes(STAMP_AT + STAMP.size - len(_ENCODING))
+        self.known = bytearray(_ENCODING + free)
+        self.mask = bytearray(b'\xff' * len(_ENCODING) + free)
+        self._text(frame_id)
+        self._numbers(height, width, len(layout))
+        for name, offset, datatype, count in layout:
+            self._text(name)
+            self._numbers(offset)
+            self._add(bytes([datatype]))
+            self._numbers(count)
+        is_bigendian = b'\0'
+        self._add(is_bigendian)
+        self._numbers(point_step, row_step, size)
+
+    def _text(self, value: str) -> None:
+        written = value.encode('utf-8', 'replace') + b'\0'
+        self._numbers(len(written))
+        self._add(written)
+
+    def _numbers(self, *values: int) -> None:
+        fill = bytes(-len(self.known) % 4)
+        self.known += fill
+        self.mask += fill
+        self._add(struct.pack(f'<{len(values)}I', *values))
+
+    def _add(self, written: bytes) -> None:
+        self.known += written
+        self.mask += b'\xff' * len(written)
 
 
 class RowSerializer:
@@ -27,22 +88,10 @@ class RowSerializer:
 
     def __init__(self, names: Sequence[str], frame_id: str) -> None:
         table = Table(tuple(names), np.zeros((1, len(names))))
-        store = get_typestore(Stores.ROS2_JAZZY)
-        types = store.types
-        size = 8 * len(names)
-        message = types[TABLE_TYPE](
-            types['std_msgs/msg/Header'](types['builtin_interfaces/msg/Time'](0, 0), frame_id),
-            1,
-            1,
-            [types['sensor_msgs/msg/PointField'](*field) for field in table.layout],
-            False,
-            size,
-            size,
-            np.frombuffer(table.packed(), dtype=np.uint8),
-            True,
-        )
-        self._message = bytearray(store.serialize_cdr(message, TABLE_TYPE))
-        self._data = slice(len(self._message) - _DENSE_BYTES - size, -_DENSE_BYTES)
+        size = table.values.nbytes
+        head = TableHead(frame_id, 1, 1, table.layout, size, size, size)
+        self._message = head.known + table.packed() + _IS_DENSE
+        self._data = slice(len(head.known), len(head.known) + size)
 
     def serialize(self, values: np.ndarray, stamp_ns: int) -> bytes:
         """Return the message of one row.
@@ -51,6 +100,6 @@ class RowSerializer:
             values: (columns,) numbers.
             stamp_ns: of the header, nanoseconds.
         """
-        struct.pack_into('<iI', self._message, _STAMP_AT, *divmod(stamp_ns, 10**9))
+        STAMP.pack_into(self._message, STAMP_AT, *divmod(stamp_ns, 10**9))
         self._message[self._data] = np.asarray(values, dtype='<f8').tobytes()
         return bytes(self._message)

@@ -26,7 +26,7 @@ class ArrivalClock:
 
     def now_ns(self) -> int:
         """Return the time, for a message that has just come; 0 before the first ``/clock``."""
-        time_ns, steady = self._node.get_clock().now().nanoseconds, self._node.steady_seconds()
+        time_ns, steady = self._node.ros_ns(), self._node.steady_seconds()
         # Where no message came for a while, a player may have paused, and all is well.
         if time_ns != self._now_ns or steady - self._asked > self._patience:
             self._now_ns, self._since = time_ns, steady

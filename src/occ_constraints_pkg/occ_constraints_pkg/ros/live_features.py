@@ -10,6 +10,7 @@ from typing import Any
 from occ_constraints_pkg.bags.extract import FeatureExtractor, FeatureRows
 from occ_constraints_pkg.bags.feature_map import FeatureMap
 from occ_constraints_pkg.bags.fields import header_stamp_ns
+from occ_constraints_pkg.bags.serialized_tables import TableMessage
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.ros.arrival import ArrivalClock
 from occ_constraints_pkg.ros.mapped_topics import MappedTopics
@@ -70,7 +71,10 @@ class LiveFeatures:
 
     def frame(self, topic: str) -> str:
         """Return the ``frame_id`` of a topic's newest message, the topic as the map writes it."""
-        header = getattr(self._newest.get(topic), 'header', None)
+        newest = self._newest.get(topic)
+        if isinstance(newest, TableMessage):
+            return newest.frame_id
+        header = getattr(newest, 'header', None)
         return '' if header is None else header.frame_id
 
     def close(self) -> None:

@@ -100,6 +100,12 @@ class OccNode(Node):
         # The same clock, read without making messages of the time.
         return time.monotonic()
 
+    def ros_ns(self) -> int:
+        """Return the ROS clock's reading in ns; 0 with ``use_sim_time`` and before ``/clock``."""
+        clock = self.get_clock()
+        # Without simulated time it is the time of the system, read without making messages of it.
+        return clock.now().nanoseconds if clock.ros_time_is_active else time.time_ns()
+
     def full_name(self, topic: str) -> str:
         """Return a topic's name with namespace and remapping.
 

@@ -14,6 +14,7 @@ from std_msgs.msg import Float64
 from visualization_msgs.msg import MarkerArray
 
 from occ_constraints_pkg.bags.extract import FeatureRows
+from occ_constraints_pkg.ros.costs import costs_message
 from occ_constraints_pkg.ros.diagnostics import (
     foreseen_values,
     unknown_message,
@@ -22,10 +23,8 @@ from occ_constraints_pkg.ros.diagnostics import (
 from occ_constraints_pkg.ros.early_warning import EarlyWarning
 from occ_constraints_pkg.ros.live_features import LiveFeatures
 from occ_constraints_pkg.ros.markers import sector_markers, verdict_markers
-from occ_constraints_pkg.ros.messages import table_message
 from occ_constraints_pkg.ros.process import OccNode
 from occ_constraints_pkg.ros.qos import VERDICTS, overridable
-from occ_constraints_pkg.ros.tables import costs_table
 from occ_constraints_pkg.rules import Judgement, RuleSet, Verdict
 
 
@@ -62,8 +61,7 @@ class VerdictTopics:
     def publish_costs(self, rule_set: RuleSet, judgement: Judgement, stamp_ns: int) -> None:
         """Answer an input with one row per robot, in the name of the rule set that judged."""
         if self._costs.get_subscription_count():
-            table = costs_table(judgement)
-            self._costs.publish(table_message(table, stamp_ns, rule_set.fingerprint))
+            self._costs.publish(costs_message(judgement, stamp_ns, rule_set.fingerprint))
 
     def publish_verdict(
         self,

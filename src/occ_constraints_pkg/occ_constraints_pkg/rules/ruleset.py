@@ -27,6 +27,8 @@ _BLOCK = 1024
 _FEW_ROWS = 40
 # Larger rule sets (features and literals) are not written as Python, which would take too long.
 _LARGEST_TEXT = 5000
+# NumPy takes a plain number much faster than a member of an enumeration.
+_UNKNOWN = int(Verdict.UNKNOWN)
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,14 +255,14 @@ class RuleCounts:
     one, so a rule is *evaluated* on a sample when no rule before it was true. Samples whose
     verdict is UNKNOWN count nowhere.
 
-    Attributes:
-        evaluated: (rules,) int64.
-        violated: (rules,) int64.
     """
 
     def __init__(self, rule_set: RuleSet) -> None:
-        self.evaluated = np.zeros(len(rule_set.rules), dtype=np.int64)
-        self.violated = np.zeros(len(rule_set.rules), dtype=np.int64)
+        self._evaluated = np.zeros(len(rule_set.rules), dtype=np.int64)
+        self._violated = np.zeros(len(rule_set.rules), dtype=np.int64)
+        # Samples added one by one and not yet counted above: at which rule the search stopped, and
+        # in the last place, which is -1, how many passed.
+        self._single = [0] * (len(rule_set.rules) + 1)
         self._order = rule_set.order
         self._place = np.full(len(rule_set.rules), -1, dtype=np.int64)
         self._place[self._order] = np.arange(len(self._order))
@@ -270,25 +272,37 @@ class RuleCounts:
         if not len(self._order):
             return
         if len(judgement.verdict) == 1:
-            self._add_one(int(judgement.verdict[0]), int(judgement.rule[0]))
+            # The ways of many take ten times as long.
+            if judgement.verdict[0] != _UNKNOWN:
+                self._single[judgement.rule[0]] += 1
             return
-        rule = judgement.rule[judgement.verdict != int(Verdict.UNKNOWN)]
+        rule = judgement.rule[judgement.verdict != _UNKNOWN]
         stopped_at = self._place[rule[rule >= 0]]
         hits = np.bincount(stopped_at, minlength=len(self._order))
-        went_through = np.count_nonzero(rule < 0)
-        reached = went_through + np.cumsum(hits[::-1])[::-1]
-        self.violated[self._order] += hits
-        self.evaluated[self._order] += reached
+        self._count(hits, np.count_nonzero(rule < 0))
 
-    def _add_one(self, verdict: int, rule: int) -> None:
-        """Count one sample, for which the ways of many take ten times as long."""
-        if verdict == Verdict.UNKNOWN:
-            return
-        if rule < 0:
-            self.evaluated[self._order] += 1
-        else:
-            self.evaluated[self._order[: self._place[rule] + 1]] += 1
-            self.violated[rule] += 1
+    def _count(self, hits: np.ndarray, passed: int) -> None:
+        """Count samples: at how many each enabled rule was the first, and how many had none."""
+        self._violated[self._order] += hits
+        self._evaluated[self._order] += passed + np.cumsum(hits[::-1])[::-1]
+
+    def _settle(self) -> None:
+        if any(self._single):
+            *stopped, passed = self._single
+            self._single = [0] * len(self._single)
+            self._count(np.array(stopped, dtype=np.int64)[self._order], passed)
+
+    @property
+    def evaluated(self) -> np.ndarray:
+        """(rules,) int64."""
+        self._settle()
+        return self._evaluated
+
+    @property
+    def violated(self) -> np.ndarray:
+        """(rules,) int64."""
+        self._settle()
+        return self._violated
 
     def reset(self) -> None:
         """Set all counters to zero."""

@@ -88,3 +88,18 @@ def test_what_was_not_learned_has_no_evidence(occ, tmp_path):
     code, out, err = occ('show --why nothing constraints.yaml')
     assert (code, out, err.count('\n')) == (2, '', 1)
     assert "no rule 'nothing'" in err
+
+
+def test_rules_for_cars_are_told_in_terms_of_traffic(occ):
+    rows = np.random.default_rng(0).uniform(10.0, 20.0, (300, 2))
+    np.savez('cars.npz', features=rows, names=['v_x', 'p_rel4'], units=['m/s', 'm'])
+    assert occ('learn cars.npz --contamination 0')[0] == 0
+    code, out, err = occ('show --traffic constraints.yaml')
+    assert (code, err) == (0, '')
+    assert '| rule | formula, the lines joined by ∨ | in traffic |' in out
+    assert 'the vehicle ahead closer than 10' in out
+    rules = json.loads(occ('show --traffic --json constraints.yaml')[1])['rules']
+    assert {rule['traffic'].split()[0] for rule in rules} == {'slower', 'faster', 'the'}
+    code, _, err = occ('show --traffic --why R1 constraints.yaml')
+    assert code == 2
+    assert 'both --why and --traffic' in err

@@ -1,6 +1,7 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ pytest.importorskip('highway_env')
 pytest.importorskip('matplotlib')
 
 from occ_constraints_pkg.agents.policy import GaussianPolicy
+from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.experiments.highway import (
     HighwaySettings,
     rules_for,
@@ -134,6 +136,8 @@ def test_an_experiment_leaves_table_and_figure_and_can_be_run_again(tmp_path):
     assert (tmp_path / 'highway.png').stat().st_size > 1000
     again = run_highway(tmp_path, TINY)
     assert json.dumps(again['lines']) == json.dumps(document['lines'])
+    with pytest.raises(OccError, match='so many or more, got 200'):
+        run_highway(tmp_path, replace(TINY, steps=200))
 
 
 def test_a_resumed_training_is_that_of_one_that_was_never_stopped(tmp_path, rules):

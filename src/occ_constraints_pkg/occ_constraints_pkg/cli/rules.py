@@ -20,23 +20,28 @@ from occ_constraints_pkg.cli.common import (
     read_data,
     warn,
 )
-from occ_constraints_pkg.errors import import_needed
+from occ_constraints_pkg.errors import OccError, import_needed
 from occ_constraints_pkg.report.evidence import describe_why, why_document
 from occ_constraints_pkg.report.rules import describe_promise, describe_rules
+from occ_constraints_pkg.report.traffic import rule_rows, rules_table
 from occ_constraints_pkg.rules.forecast import WINDOW_SECONDS
 
 
 @click.command()
 @click.argument('constraints', type=click.Path())
 @click.option('--why', metavar='RULE', help='Show which demonstrations this rule rests on.')
+@click.option('--traffic', is_flag=True, help='Say what rules for cars mean in traffic.')
 @JSON
-def show(constraints: str, why: str | None, as_json: bool) -> None:
+def show(constraints: str, why: str | None, traffic: bool, as_json: bool) -> None:
     """Print the rules of a constraints file in words, or why one of them is there.
 
     \b
     Example: occ show constraints.yaml
              occ show --why R4def0 constraints.yaml
+             occ show --traffic us101.yaml
     """
+    if why is not None and traffic:
+        raise OccError('got both --why and --traffic; allowed is one of them')
     from occ_constraints_pkg.rules.constraints_file import load_constraints
     from occ_constraints_pkg.rules.listing import rules_document
 
@@ -48,6 +53,12 @@ def show(constraints: str, why: str | None, as_json: bool) -> None:
             print_json(document)
         else:
             click.echo(describe_why(document))
+        return
+    if traffic:
+        if as_json:
+            print_json({'rules': rule_rows(rule_set.rules, rule_set.space)})
+        else:
+            click.echo(rules_table(rule_set.rules, rule_set.space))
         return
     if as_json:
         document = rules_document(rule_set)

@@ -25,6 +25,7 @@ from occ_constraints_pkg.agents.training import (
     train,
 )
 from occ_constraints_pkg.bags.feature_map import load_feature_map
+from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.experiments.conditions import machine, versions
 from occ_constraints_pkg.experiments.highway_agents import OUTCOMES, CountedHighway, LastingRuleCost
 from occ_constraints_pkg.experiments.highway_fidelity import drive_both
@@ -208,7 +209,7 @@ def train_agent(
     have ended in which way since the beginning.
 
     Raises:
-        OccError: the training there was made with other settings.
+        OccError: the training there was made with other settings, or has gone on for longer.
     """
     world = CountedHighway(
         settings.robots, scenarios=scenarios, engineered=agent == 'RL with engineered reward'
@@ -233,6 +234,12 @@ def train_agent(
     resumed = None
     if directory.has_checkpoint:
         learner, resumed = directory.resume(decay_steps=settings.steps)
+        # A training ends within one step of all robots.
+        if learner.steps >= settings.steps + settings.robots:
+            raise OccError(
+                f'the training in {folder} has made {learner.steps} steps; allowed are so many or '
+                f'more, got {settings.steps}'
+            )
         kept = [line for line in read_metrics(log) if line['updates'] <= learner.updates]
         with replacing(log) as draft:
             draft.write_text(''.join(json.dumps(line) + '\n' for line in kept), encoding='utf-8')

@@ -10,8 +10,9 @@ from collections.abc import Sequence
 import click
 
 import occ_constraints_pkg
+from occ_constraints_pkg.cli.demo_and_bench import bench, demo
 from occ_constraints_pkg.cli.drive import drive
-from occ_constraints_pkg.cli.experiments import bench, demo, experiment
+from occ_constraints_pkg.cli.experiments import experiment
 from occ_constraints_pkg.cli.export import export
 from occ_constraints_pkg.cli.features import features
 from occ_constraints_pkg.cli.importing import import_

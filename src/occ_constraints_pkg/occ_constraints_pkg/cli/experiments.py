@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""``occ demo``, ``bench`` and ``experiment``."""
+"""``occ experiment``."""
 
 from __future__ import annotations
 
@@ -14,62 +14,16 @@ from occ_constraints_pkg.cli.common import (
     DATA,
     FEATURE_MAP_HELP,
     JSON,
-    Seconds,
     checked_cost_limit,
-    end_tidily,
     needed_cost,
     print_json,
     progress_bar,
 )
+from occ_constraints_pkg.cli.recorded_experiments import ngsim, robots, warnings, worlds
 from occ_constraints_pkg.cli.tree_options import seed_option, tree_options, tree_settings
 from occ_constraints_pkg.errors import import_needed
-from occ_constraints_pkg.experiments.benchmarks import BENCHMARKS
 from occ_constraints_pkg.files import make_directory, replacing
 from occ_constraints_pkg.stopping import stop_request
-
-
-@click.command()
-@click.option('-o', '--output', default='demo_output', show_default=True, type=click.Path())
-@click.option('--train-seconds', default=120.0, type=Seconds(), show_default=True)
-def demo(output: str, train_seconds: float) -> int:
-    """Run the whole loop on PointGoal1: record, learn, monitor, train; write a page.
-
-    \b
-    Example: occ demo
-    """
-    # Some are needed at the end only, but a missing module must show now.
-    for module in ('report.demo_page', 'experiments.witness'):
-        import_needed('occ demo', f'occ_constraints_pkg.{module}')
-    run_demo = import_needed('occ demo', 'occ_constraints_pkg.experiments.demo').run_demo
-    end_tidily()
-    return run_demo(Path(output), train_seconds=train_seconds)
-
-
-@click.command(epilog=''.join(f'\b\n{name}: {words}\n\n' for name, words in BENCHMARKS.items()))
-@click.argument('name', type=click.Choice(list(BENCHMARKS)))
-@click.option(
-    '--seconds',
-    type=Seconds(),
-    help="Measured time per form; default: the benchmark's own.",
-)
-@JSON
-def bench(name: str, seconds: float | None, as_json: bool) -> None:
-    """Measure speed; prints metrics, what ran beside them, machine and versions.
-
-    \b
-    Example: occ bench loop --json
-    """
-    module = import_needed(
-        f'occ bench {name}', f'occ_constraints_pkg.experiments.benchmarks.{name}'
-    )
-    end_tidily()
-    result = module.run() if seconds is None else module.run(seconds)
-    if as_json:
-        print_json(result)
-        return
-    for part in ('metrics', 'peers'):
-        for key, value in result[part].items():
-            click.echo(f'{key}: {value:.4g}')
 
 
 @click.group()
@@ -79,6 +33,10 @@ def experiment() -> None:
     \b
     Example: occ experiment article --set Iris
     """
+
+
+for _command in (robots, ngsim, worlds, warnings):
+    experiment.add_command(_command)
 
 
 @experiment.command()
@@ -118,101 +76,6 @@ def article(
         print_json(result)
         return
     click.echo((Path(output) / 'article.md').read_text(encoding='utf-8'))
-
-
-@experiment.command()
-@click.option('-o', '--output', default='results', show_default=True, type=click.Path())
-@click.option(
-    '--data',
-    type=click.Path(),
-    help='Folder of the recordings; default: robots in OCC_TEST_DATA or in ../shared/data.',
-)
-@click.option('--kind', 'kinds', multiple=True, help='Only this kind of robot; may be repeated.')
-@JSON
-def robots(output: str, data: str | None, kinds: tuple[str, ...], as_json: bool) -> None:
-    """Learn from safe recordings of robots, and judge those held back and those with contact.
-
-    Recordings are named safe_KIND_NAME, contact_KIND_NAME or bump_KIND_NAME. Writes robots.json,
-    robots.md and the feature maps.
-
-    \b
-    Example: occ experiment robots --data recordings --kind tb3 -o results
-    """
-    from occ_constraints_pkg.experiments.robots import run_robots
-
-    with progress_bar('kinds') as progress:
-        result = run_robots(
-            Path(output),
-            folder=Path(data) if data else None,
-            kinds=kinds,
-            progress=progress,
-        )
-    if as_json:
-        print_json(result)
-        return
-    click.echo((Path(output) / 'robots.md').read_text(encoding='utf-8'))
-
-
-@experiment.command()
-@click.option('-o', '--output', default='results', show_default=True, type=click.Path())
-@click.option(
-    '--data',
-    type=click.Path(),
-    help='Folder of ngsim_us101 and ngsim_i80; default: driving in OCC_TEST_DATA or in '
-    '../shared/data.',
-)
-@click.option('--seeds', default=10, type=click.IntRange(min=1), show_default=True)
-@JSON
-def ngsim(output: str, data: str | None, seeds: int, as_json: bool) -> None:
-    """Learn from real drivers on highways, judge others; writes ngsim.json and ngsim.md.
-
-    \b
-    Example: occ experiment ngsim -o results
-    """
-    from occ_constraints_pkg.experiments.ngsim import run_ngsim
-
-    with progress_bar('learning') as progress:
-        result = run_ngsim(
-            Path(output), folder=Path(data) if data else None, seeds=seeds, progress=progress
-        )
-    if as_json:
-        print_json(result)
-        return
-    click.echo((Path(output) / 'ngsim.md').read_text(encoding='utf-8'))
-
-
-@experiment.command()
-@click.option('-o', '--output', default='results', show_default=True, type=click.Path())
-@click.option(
-    '--episodes', default=50, type=click.IntRange(min=2), show_default=True, help='For the means.'
-)
-@click.option(
-    '--data',
-    type=click.Path(),
-    help='Folder of the records; default: safety_gym_traces in OCC_TEST_DATA or ../shared/data.',
-)
-@JSON
-def worlds(output: str, episodes: int, data: str | None, as_json: bool) -> None:
-    """Compare the Safety-Gym tasks with safety-gymnasium; writes worlds.json and worlds.md.
-
-    \b
-    Example: occ experiment worlds -o results
-    """
-    module = import_needed('occ experiment', 'occ_constraints_pkg.experiments.worlds')
-    with progress_bar('comparing') as progress:
-        result = module.run_worlds(
-            episodes=episodes, folder=Path(data) if data else None, progress=progress
-        )
-    for reason in result['skipped'].values():
-        click.echo(f'skipped: {reason}', err=True)
-    table = module.markdown(result)
-    for name, text in (('worlds.json', json.dumps(result, indent=2) + '\n'), ('worlds.md', table)):
-        with replacing(Path(output) / name) as draft:
-            draft.write_text(text, encoding='utf-8')
-    if as_json:
-        print_json(result)
-        return
-    click.echo(table)
 
 
 @experiment.command()
@@ -469,44 +332,3 @@ def transfer(output: str, as_json: bool, **given: Any) -> None:
             f'{name.replace("_", " ")}: return {line["return"]:.2f}, true cost {line["cost"]:.2f}, '
             f'learned cost {line["learned_cost"]:.2f}'
         )
-
-
-@experiment.command()
-@click.option('-o', '--output', default='results', show_default=True, type=click.Path())
-@click.option(
-    '--data',
-    type=click.Path(),
-    help='Folder of the recordings; default: robots in OCC_TEST_DATA or in ../shared/data.',
-)
-@click.option(
-    '--bags', default='bags', show_default=True, type=click.Path(), help="This project's bags."
-)
-@click.option(
-    '--set', 'sets', multiple=True, help='Only this kind of robot, or world; may be repeated.'
-)
-@JSON
-def warnings(
-    output: str, data: str | None, bags: str, sets: tuple[str, ...], as_json: bool
-) -> None:
-    """Measure how early violations are warned of, and how often in vain.
-
-    On recordings as of `occ experiment robots`, and on those of this project. Writes warnings.json
-    and warnings.md.
-
-    \b
-    Example: occ experiment warnings -o results
-    """
-    from occ_constraints_pkg.experiments.warnings import run_warnings
-
-    with progress_bar('sets') as progress:
-        result = run_warnings(
-            Path(output),
-            folder=Path(data) if data else None,
-            bags=Path(bags),
-            names=sets,
-            progress=progress,
-        )
-    if as_json:
-        print_json(result)
-        return
-    click.echo((Path(output) / 'warnings.md').read_text(encoding='utf-8'))

@@ -336,6 +336,23 @@ def test_a_disabled_monitor_says_unknown_and_judges_what_is_repeated_afterwards(
     assert stamp_of(robot.costs[-1]) == stamp_of(violation) == stamp_of(message)
 
 
+def test_a_disabled_monitor_does_not_repeat_what_it_said_before(robot):
+    from std_srvs.srv import SetBool
+
+    message = robot.message(SAFE)
+    assert robot.send(message)[1] == 0.0
+    judged, told = len(robot.costs), len(robot.violations)
+    assert robot.witness.call(SetBool, 'monitor/enable', data=False).success
+    for _ in range(2):
+        robot.publisher.publish(message)
+    # One for being disabled, and one for each repeat.
+    robot.until(lambda: len(robot.violations) >= told + 3)
+    words = {violation.status[0].message for violation in robot.violations[told:]}
+    assert words == {'UNKNOWN: the monitor is disabled'}
+    assert len(robot.costs) == judged
+    assert robot.witness.call(SetBool, 'monitor/enable', data=True).success
+
+
 def test_typed_messages_of_a_best_effort_publisher_are_judged(nodes, witness):
     from nav_msgs.msg import Odometry
     from occ_constraints_pkg.ros.messages import to_time

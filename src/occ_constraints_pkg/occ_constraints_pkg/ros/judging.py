@@ -109,6 +109,8 @@ class Judging:
         """Judge, or answer each input by UNKNOWN from now on."""
         self.is_enabled = is_enabled
         if self._is_active and not is_enabled:
+            # Nor may a repeat of the newest input be answered as that was.
+            self._answer = None
             self._unknown(_DISABLED)
 
     def forget(self, problem: str) -> None:

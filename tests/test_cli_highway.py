@@ -21,12 +21,11 @@ def test_a_scenario_or_driver_that_is_not_there_is_refused(occ):
     code, _, err = occ('drive highway_restricted --driver random --seed 52')
     assert code == 2
     assert 'world highway_restricted has no scenario 52; allowed are 0 to 51' in err
-    code, _, err = occ('drive highway_restricted --driver straight')
-    assert code == 2
-    assert "no scripted driver 'straight'" in err
-    code, _, err = occ('drive highway --driver straight')
-    assert code == 2
-    assert "no driver 'straight'; allowed are random, expert and a policy file" in err
+    for world in ('highway', 'highway_restricted'):
+        code, _, err = occ(f'drive {world} --driver straight')
+        assert code == 2
+        assert f"world {world} has no driver 'straight'" in err
+        assert 'allowed are random, expert and a policy file' in err
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,8 @@ from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.worlds.base import World
 
 _EXPERTS = resources.files(__package__).joinpath('experts')
+# Worlds that differ from another one in nothing but their scenarios share its expert.
+_EXPERT_OF = {'highway_restricted': 'highway'}
 
 
 def find_driver(
@@ -31,7 +33,7 @@ def find_driver(
     Raises:
         OccError: there is no such driver, or the policy belongs to another world.
     """
-    shipped = _EXPERTS.joinpath(f'{world.name}.npz')
+    shipped = _EXPERTS.joinpath(f'{_EXPERT_OF.get(world.name, world.name)}.npz')
     if name.endswith('.npz'):
         policy = GaussianPolicy.load(name)
     elif name == 'expert' and shipped.is_file():

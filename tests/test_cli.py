@@ -281,6 +281,37 @@ def test_train_several_seeds_and_go_on(occ, files):
     assert 'return_ci95: ' in out
 
 
+@pytest.mark.parametrize('more', ['', ' --seeds 0:2', ' --resume'])
+def test_fewer_steps_than_one_update_needs_are_refused(occ, files, more):
+    pytest.importorskip('torch', reason="needs the extra 'train'")
+    (files / 'earlier').mkdir(exist_ok=True)
+    (files / 'earlier' / 'metrics.jsonl').touch()
+    before = {path: path.stat().st_mtime_ns for path in files.rglob('*')}
+    for world in ('simple_nav', 'highway', 'highway_restricted'):
+        code, out, err = occ(f'train {world} --steps 300 -o earlier{more}')
+        assert (code, out) == (2, '')
+        assert err == (
+            'error: steps is 300, which ends a training before its first update; allowed is '
+            '16384 or more: rollout_steps 256 x robots 64\n'
+        )
+    code, _, err = occ(
+        f'train simple_nav --steps 39 --robots 4 --set rollout_steps=10 -o new{more}'
+    )
+    assert code == 2
+    assert 'allowed is 40 or more: rollout_steps 10 x robots 4' in err
+    assert {path: path.stat().st_mtime_ns for path in files.rglob('*')} == before
+
+
+def test_as_many_steps_as_one_update_needs_will_do(occ, files):
+    pytest.importorskip('torch', reason="needs the extra 'train'")
+    code, out, err = occ(
+        'train simple_nav --steps 40 --robots 4 --set rollout_steps=10 -o just --json'
+    )
+    assert (code, err) == (0, '')
+    numbers = json.loads(out)
+    assert (numbers['steps'], numbers['updates']) == (40, 1)
+
+
 def test_a_training_is_not_resumed_with_other_settings(occ, files):
     pytest.importorskip('torch', reason="needs the extra 'train'")
     line = 'train simple_nav --steps 2500 --robots 8 -o fixed --resume'
@@ -347,6 +378,7 @@ def test_a_stopped_training_is_saved(tmp_path, number):
         ('demo --train-seconds nan', "got 'nan'; allowed is a finite number"),
         ('experiment transfer --seeds 0', '0 is not in the range x>=1'),
         ('experiment transfer --steps 0', '0 is not in the range x>=1'),
+        ('experiment transfer --steps 300', 'steps is 300'),
         ('experiment transfer --first-seed -1', '-1 is not in the range x>=0'),
     ],
 )

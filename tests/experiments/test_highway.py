@@ -136,8 +136,10 @@ def test_an_experiment_leaves_table_and_figure_and_can_be_run_again(tmp_path):
     assert (tmp_path / 'highway.png').stat().st_size > 1000
     again = run_highway(tmp_path, TINY)
     assert json.dumps(again['lines']) == json.dumps(document['lines'])
-    with pytest.raises(OccError, match='so many or more, got 200'):
-        run_highway(tmp_path, replace(TINY, steps=200))
+    with pytest.raises(OccError, match='so many or more, got 1030'):
+        run_highway(tmp_path, replace(TINY, steps=1030))
+    with pytest.raises(OccError, match='steps is 1000, .* allowed is 1024 or more'):
+        run_highway(tmp_path, replace(TINY, steps=1000))
 
 
 def test_a_resumed_training_is_that_of_one_that_was_never_stopped(tmp_path, rules):

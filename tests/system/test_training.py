@@ -171,6 +171,32 @@ def test_the_learner_waits_for_a_monitor_that_knows(nodes, witness, rules_of):
     assert says('training goes on after')()
 
 
+def test_fewer_steps_than_one_update_needs_are_refused(make_nodes, rules_of):
+    pytest.importorskip('torch', reason="needs the extra 'train'")
+    from occ_constraints_pkg.experiments.witness import Witness
+
+    nodes = make_nodes()
+    rules, output = nodes.folder / 'rules.yaml', nodes.folder / 'training'
+    rules_of['simple_nav'].save(rules)
+    output.mkdir()
+    (output / 'metrics.jsonl').touch()
+    learner = nodes.start(
+        'constrained_learner', output=output, total_steps=32 * ROBOTS - 1, rollout_steps=32
+    )
+    nodes.start('monitor', constraints_file=rules)
+    nodes.start('sim', world='simple_nav', num_robots=ROBOTS, wait_for_subscribers=2)
+    with Witness(nodes.domain) as witness:
+        witness.spin_until(lambda: not learner.is_running, 60.0)
+    assert learner.exit_code == 2
+    assert learner.last_words() == (
+        f'error: total_steps is {32 * ROBOTS - 1}, which ends a training before its first update; '
+        f'allowed is {32 * ROBOTS} or more: rollout_steps 32 x robots {ROBOTS}'
+    )
+    # The training that was there has not been moved aside.
+    assert [path.name for path in nodes.folder.glob('training*')] == ['training']
+    assert [path.name for path in output.iterdir()] == ['metrics.jsonl']
+
+
 def possible_steps(done, step_ns):
     """Return how many transitions there were, in all ways that the ends of runs may have gone.
 

@@ -35,7 +35,7 @@ class RunSettings:
         cost: ``true`` for the world's own cost, ``none`` for unconstrained training, else a
             constraints file.
         cost_limit: allowed mean cost per episode, or ``demonstrations``: see :func:`cost_limit`.
-        steps: robot steps after which it ends.
+        steps: robot steps after which it ends; enough for one update.
         robots: robots simulated at once.
         seed: of the world, of weights, exploration and minibatches.
         device: where updates are computed, ``cpu`` or ``cuda``.
@@ -184,7 +184,9 @@ def _config(settings: RunSettings, constraints: Constraints | None) -> PPOLagran
         'decay_steps': settings.steps,
         'device': settings.device,
     }
-    return learner_settings({**settings.learner, **chosen})
+    config = learner_settings({**settings.learner, **chosen})
+    config.check_steps('steps', settings.steps, settings.robots)
+    return config
 
 
 def _fixed(settings: RunSettings, constraints: Constraints | None, limit: float) -> dict[str, Any]:

@@ -99,6 +99,24 @@ class PPOLagrangianConfig:
             self._require(name, 0 <= getattr(self, name) <= 1, 'from 0 to 1')
         self._require('hidden', all(width >= 1 for width in self.hidden), 'widths of 1 or more')
 
+    def check_steps(self, name: str, steps: int, robots: int) -> None:
+        """Refuse a training that would end before its first update.
+
+        Args:
+            name: what the caller's users call the number of steps.
+            steps: robot steps after which the training ends.
+            robots: robots that make them.
+
+        Raises:
+            OccError: these are fewer than one rollout.
+        """
+        least = self.rollout_steps * robots
+        if steps < least:
+            raise OccError(
+                f'{name} is {steps}, which ends a training before its first update; allowed is '
+                f'{least} or more: rollout_steps {self.rollout_steps} x robots {robots}'
+            )
+
     def _require(self, name: str, holds: bool, allowed: str) -> None:
         if not holds:
             raise OccError(

@@ -67,7 +67,11 @@ def _learner(_context: Any, _parameter: Any, texts: tuple[str, ...]) -> dict[str
     help="Mean cost per episode; 'demonstrations': the learned cost of the demonstrations.",
 )
 @click.option(
-    '--steps', default=1_000_000, type=click.IntRange(min=1), show_default=True, help='Robot steps.'
+    '--steps',
+    default=1_000_000,
+    type=click.IntRange(min=1),
+    show_default=True,
+    help='Robot steps; at least as many as one update needs, rollout_steps for each robot.',
 )
 @click.option(
     '--robots',

@@ -161,7 +161,8 @@ def run_highway(
 
 
 def _check(settings: HighwaySettings) -> None:
-    """Refuse wrong settings of ``ours`` before the agents ahead of it have been trained."""
+    """Refuse settings of any agent that are wrong before the first of them is trained."""
+    learner_settings(settings.learner).check_steps('steps', settings.steps, settings.robots)
     limit = settings.cost_limit
     if settings.rules is not None:
         rules = load_constraints(settings.rules)

@@ -15,6 +15,7 @@ import numpy as np
 from occ_constraints_pkg.agents.drivers import find_driver
 from occ_constraints_pkg.agents.evaluation import evaluate, half_width
 from occ_constraints_pkg.agents.rule_cost import RuleCost
+from occ_constraints_pkg.agents.settings import PPOLagrangianConfig
 from occ_constraints_pkg.bags.feature_map import load_feature_map
 from occ_constraints_pkg.experiments.conditions import machine, versions
 from occ_constraints_pkg.experiments.seeds import seeds_summary, train_seeds
@@ -78,6 +79,8 @@ def run_transfer(
     Raises:
         OccError: a setting is wrong, or a training failed.
     """
+    # Refused before an expert drives for it.
+    PPOLagrangianConfig().check_steps('steps', settings.steps, settings.robots)
     make_directory(output)
     rules = output / 'constraints.yaml'
     if not rules.exists():

@@ -60,8 +60,9 @@ class ConstrainedLearner(OccNode):
             decay_steps=self._total,
             device=self.parameter('device', defaults.device, 'torch device, cpu or cuda'),
         )
-        # Refused now, not when the first observation comes.
+        # Refused now, not when the first observation comes, as far as one robot shows it.
         torch_device(self._config.device)
+        self._config.check_steps('total_steps', self._total, 1)
         fixed = {'cost_limit': self._config.cost_limit, 'rollout_steps': self._config.rollout_steps}
         self._directory = TrainingDirectory(output, {**fixed, 'seed': self._seed})
         self._learner: PPOLagrangian | None = None
@@ -125,7 +126,7 @@ class ConstrainedLearner(OccNode):
         seen = self._batch if stamp == self._seen else None
         batch = seen or step_batch(Table.from_message(observation))
         world = observation.header.frame_id
-        learner = self._learner or self._start(world)
+        learner = self._learner or self._start(world, len(batch.reward))
         if self._answered is None or stamp != self._answered + self._step_ns:
             # First states are those of episode 0 to which no step led, hence without reward.
             self._interrupt(learner, is_start=not (batch.episode.any() or batch.reward.any()))
@@ -142,7 +143,8 @@ class ConstrainedLearner(OccNode):
         if learner.steps >= self._total or time.monotonic() - self._began >= limit:
             self.finish()
 
-    def _start(self, world: str) -> PPOLagrangian:
+    def _start(self, world: str, robots: int) -> PPOLagrangian:
+        self._config.check_steps('total_steps', self._total, robots)
         kind = self._kind = world_class(world)
         self._step_ns = round(kind.step_seconds * 1e9)
         if self._resume and self._directory.has_checkpoint:

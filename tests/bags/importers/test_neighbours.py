@@ -23,7 +23,7 @@ def test_gaps_are_those_of_the_nearest_on_each_lane(cars):
     moment, along, length, lane = (np.array(column) for column in zip(*cars, strict=True))
     # All drive in the middle of their lanes.
     size = np.stack([length, np.full(len(cars), 2.0)], axis=1)
-    gaps = gaps_by_lane(moment, along, -4.0 * lane, size, lane, lanes_in_a_row(4))
+    gaps = gaps_by_lane(moment, along, -4.0 * lane, size, lane, lanes_in_a_row(np.arange(4)))
     for i in range(len(cars)):
         expected = [np.inf] * 6
         for j in range(len(cars)):
@@ -39,7 +39,7 @@ def test_two_abreast_on_one_lane_are_on_the_left_and_on_the_right():
     moment, lane = np.zeros(3), np.zeros(3, dtype=int)
     along, left = np.array([0.0, 2.0, 12.0]), np.array([1.2, -1.2, 0.0])
     size = np.tile([4.0, 2.0], (3, 1))
-    gaps = gaps_by_lane(moment, along, left, size, lane, lanes_in_a_row(1))
+    gaps = gaps_by_lane(moment, along, left, size, lane, lanes_in_a_row(np.arange(1)))
     none = np.inf
     assert gaps.tolist() == [
         [none, none, none, none, 8.0, -2.0],
@@ -49,7 +49,7 @@ def test_two_abreast_on_one_lane_are_on_the_left_and_on_the_right():
 
 
 def test_lanes_are_numbered_from_the_left():
-    assert lanes_in_a_row(3).tolist() == [[1, 2, -1], [0, 1, 2], [-1, 0, 1]]
+    assert lanes_in_a_row(np.arange(3)).tolist() == [[1, 2, -1], [0, 1, 2], [-1, 0, 1]]
     assert side_of(np.array([-2, -1, 0, 1, 2])).tolist() == [-1, 0, 1, 2, -1]
 
 

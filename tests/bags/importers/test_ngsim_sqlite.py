@@ -50,6 +50,24 @@ def test_gaps_of_vehicles_at_one_place_are_left_out(tmp_path):
     assert drives.warnings[0].endswith('are kept as asked, but show nothing')
 
 
+def test_one_lane_alone_is_told(tmp_path):
+    path = write_ngsim(tmp_path / 'made.shf', 'DELETE FROM Trajectory WHERE lane_id <> 1')
+    drives = read_drives('ngsim-sqlite', path)
+    (warning,) = drives.warnings
+    assert warning.startswith(f'{path}: all vehicles are on lane 1, so d_left and d_right are')
+    # What the warning is about.
+    assert (drives.values[:, [2, 4, 5, 7]] == 500).all()
+    assert read_drives('ngsim-sqlite', write_ngsim(tmp_path / 'all.shf')).warnings == ()
+
+
+def test_the_number_of_a_lane_may_be_any(tmp_path):
+    path = write_ngsim(
+        tmp_path / 'made.shf', 'UPDATE Trajectory SET lane_id = 1000000 WHERE lane_id = 3'
+    )
+    drives = read_drives('ngsim-sqlite', path)
+    assert (drives.values[drives.vehicle == 4][:, [2, 3, 5, 6]] == 500).all()
+
+
 MALFORMED = {
     'missing table': ('DROP TABLE Vehicle', r"made.shf has no table 'Vehicle'; its tables are"),
     'missing column': (
@@ -105,6 +123,14 @@ MALFORMED = {
     'lane': (
         'UPDATE Trajectory SET lane_id = 0 WHERE vehicle_id = 2 AND sim_time = 0.3',
         r"vehicle_id 2, sim_time 0.3, column 'lane_id': got 0; allowed are whole numbers from 1",
+    ),
+    'one lane for all': (
+        'UPDATE Trajectory SET lane_id = 1',
+        r"'lane_id': \d+% of the rows of lane 1 are more than 3 m beside its middle",
+    ),
+    'one lane for two': (
+        'UPDATE Trajectory SET lane_id = 2 WHERE lane_id = 1',
+        r"'lane_id': \d+% of the rows of lane 2 are more than 3 m beside its middle",
     ),
     'overlapping lanes': (
         'UPDATE Trajectory SET position_y = 9 WHERE lane_id = 2',

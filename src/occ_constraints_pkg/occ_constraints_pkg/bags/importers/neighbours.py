@@ -97,9 +97,8 @@ def _moments(instant: np.ndarray) -> Iterator[np.ndarray]:
     yield from np.split(order, ends)
 
 
-def lanes_in_a_row(count: int) -> np.ndarray:
-    """Return (count, count) what lies beside what for lanes numbered from left to right."""
-    numbers = np.arange(count)
+def lanes_in_a_row(numbers: np.ndarray) -> np.ndarray:
+    """Return (lanes, lanes) what lies beside what, given the lanes' numbers from left to right."""
     return side_of(numbers[None, :] - numbers[:, None])
 
 

@@ -45,6 +45,8 @@ _TABLES = {
 _SOURCE = 'NGSIM'
 # The middle of a lane is where half of its vehicles within so many metres drive.
 _BIN_M = 20.0
+# So many lane widths from the middle of its lane a vehicle is well on another one; a share may be.
+_FAR_FROM_MIDDLE, _MOST_FAR = 0.75, 0.05
 _READ_AT_ONCE = 5000
 
 
@@ -177,21 +179,29 @@ def _traffic(path: Path, spec: dict[Any, Any], sizes: np.ndarray, rows: np.ndarr
     left = rows[:, 2:4] @ np.array([-forward[1], forward[0]])
     lanes, number = np.unique(lane, return_inverse=True)
     middles = [_Middle(along[lane == name], left[lane == name]) for name in lanes]
+    for name, middle in zip(lanes, middles, strict=True):
+        _check_within(path, name, left[lane == name] - middle.left(along[lane == name]), width)
     _check_order(path, lanes, [float(np.median(left[lane == name])) for name in lanes], width)
     outer_left, outer_right = _edges(middles, along, width)
     _, instant = np.unique(np.round(time, 3), return_inverse=True)
-    beside = lanes_in_a_row(int(lanes[-1]))[np.ix_(lanes.astype(int) - 1, lanes.astype(int) - 1)]
+    warnings = ()
+    if len(lanes) == 1:
+        warnings = (
+            f'{path}: all vehicles are on lane {lanes[0]:g}, so d_left and d_right are taken to '
+            'the edges of this lane, and nothing shows what is on a lane beside it',
+        )
     turn = rows[:, 4] - heading
     return Traffic(
         vehicle=vehicle,
         time=time,
         v_x=speed * np.cos(turn),
         v_y=speed * np.sin(turn),
-        gaps=gaps_by_lane(instant, along, left, size, number, beside),
+        gaps=gaps_by_lane(instant, along, left, size, number, lanes_in_a_row(lanes.astype(int))),
         inside=standing_inside(instant, along, left, size),
         d_left=outer_left - left,
         d_right=left - outer_right,
         source={f'ngsim.{key}': str(spec[key]) for key in ('name', 'source_type') if spec.get(key)},
+        warnings=warnings,
     )
 
 
@@ -258,6 +268,17 @@ def _edges(
         right = middle.left(along) - width / 2.0
         outer_right = np.where(there, np.minimum(outer_right, right), outer_right)
     return middles[0].left(along) + width / 2.0, outer_right
+
+
+def _check_within(path: Path, lane: float, beside: np.ndarray, width: float) -> None:
+    """Refuse a lane whose vehicles drive on several; ``beside`` is metres from its middle."""
+    share = float((np.abs(beside) > _FAR_FROM_MIDDLE * width).mean())
+    if share > _MOST_FAR:
+        raise OccError(
+            f"{path}: table Trajectory, column 'lane_id': {share:.0%} of the rows of lane {lane:g} "
+            f'are more than {_FAR_FROM_MIDDLE * width:g} m beside its middle, so it does not tell '
+            f'the lanes apart; allowed are {_MOST_FAR:.0%}'
+        )
 
 
 def _check_order(path: Path, lanes: np.ndarray, lefts: list[float], width: float) -> None:

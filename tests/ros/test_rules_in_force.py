@@ -93,6 +93,25 @@ def test_what_was_pruned_stays_so_when_edits_change(node, tmp_path):
     written = load_constraints(tmp_path / 'pruned.yaml').rule_set
     assert written.fingerprint == rules.rule_set.fingerprint
     assert written.rules[0].literals[0].bound == 0.5
+    # The parameters still list the rule that was enabled and then pruned.
+    changed = RuleEdits.parse([], ['OFF'], ['HIGH: x > 2'])
+    rules.check(changed)
+    rules.edit(changed)
+    assert node.enabled == ['HIGH']
+    assert rules.rule_set.rules[0].literals[0].bound == 2.0
+    with pytest.raises(OccError, match="rule 'LOW' is to be enabled, but was pruned"):
+        rules.check(RuleEdits(enabled=('LOW', 'OFF')))
+    # Nor is it forgotten by another pruning.
+    rules.counts.add_stamped(rules.rule_set.judge(np.array([[3.0]])), 1)
+    assert rules.prune(0.5, '').startswith('pruned 0 rules')
+    rules.edit(RuleEdits(enabled=('OFF',)))
+    assert node.enabled == ['HIGH']
     rules.edit(RuleEdits())
     assert node.enabled == ['HIGH']
     assert rules.rule_set.rules[0].literals[0].bound == 1.0
+    with pytest.raises(OccError, match="rule 'OFF' is to be enabled, but was pruned"):
+        rules.check(RuleEdits(enabled=('OFF',)))
+    rules.use(rules.prepare(BOTH, 'file', strict=True))
+    rules.check(RuleEdits(enabled=('OFF',)))
+    rules.edit(RuleEdits(enabled=('OFF',)))
+    assert node.enabled == ['HIGH', 'LOW', 'OFF']

@@ -30,6 +30,7 @@ class PreparedRules:
         counts: of the latter.
         left_out: whether some of the edits speak of rules that are not there.
         where: what to call their origin.
+        pruned: ids of the rules that pruning has disabled, which no edit brings back.
     """
 
     base: Constraints
@@ -37,6 +38,7 @@ class PreparedRules:
     counts: KeptCounts
     left_out: bool
     where: str
+    pruned: frozenset[str] = frozenset()
 
 
 class RulesInForce:
@@ -71,21 +73,31 @@ class RulesInForce:
         """The counters of the rules in force; None without rules."""
         return None if self._now is None else self._now.counts
 
-    def prepare(self, constraints: Constraints, where: str, *, strict: bool) -> PreparedRules:
+    def prepare(
+        self,
+        constraints: Constraints,
+        where: str,
+        *,
+        strict: bool,
+        pruned: frozenset[str] = frozenset(),
+    ) -> PreparedRules:
         """Edit rules and find their counters, without any effect yet.
 
         Args:
             constraints: where the rules stand.
             where: what to call their origin.
             strict: whether edits of rules that are not there are an error; else they are left out.
+            pruned: ids of rules that stay disabled.
 
         Raises:
             OccError: the rules cannot be edited so, or the file of counters cannot be read.
         """
         edits = self.edits if strict else self.edits.within(constraints.rule_set)
+        left_out = edits != self.edits
+        edits = replace(edits, enabled=tuple(name for name in edits.enabled if name not in pruned))
         edited = constraints.with_rule_set(edits.apply(constraints.rule_set))
         counts = KeptCounts(edited.rule_set, self.counts_file)
-        return PreparedRules(constraints, edited, counts, edits != self.edits, where)
+        return PreparedRules(constraints, edited, counts, left_out, where, pruned)
 
     def use(self, rules: PreparedRules) -> None:
         """Judge by these rules from now on."""
@@ -109,14 +121,23 @@ class RulesInForce:
         Raises:
             OccError: they cannot.
         """
-        if self._now is not None:
-            edits.apply(self._now.base.rule_set)
+        if self._now is None:
+            return
+        edits.apply(self._now.base.rule_set)
+        # What is still listed from before the pruning stays without effect.
+        back = self._now.pruned & (set(edits.enabled) - set(self.edits.enabled))
+        if back:
+            raise OccError(
+                f'rule {min(back)!r} is to be enabled, but was pruned; allowed is that once '
+                'constraints are loaded anew'
+            )
 
     def edit(self, edits: RuleEdits) -> None:
         """Make these edits instead of those before; :meth:`check` has allowed them."""
         self.edits = edits
         if self._now is not None:
-            self.use(self.prepare(self._now.base, 'parameters', strict=True))
+            now = self._now
+            self.use(self.prepare(now.base, 'parameters', strict=True, pruned=now.pruned))
 
     def prune(self, threshold: float, path: str) -> str:
         """Disable rules by the counters, and say in words what was done.
@@ -141,11 +162,10 @@ class RulesInForce:
             replace(rule, enabled=False, note=pruned.note) if rule.id in result.pruned else rule
             for rule, pruned in zip(base.rules, result.rule_set.rules, strict=True)
         )
-        # Edits stay, but none may bring back what was pruned.
-        kept = tuple(name for name in self.edits.enabled if name not in result.pruned)
-        self.edits = replace(self.edits, enabled=kept)
         base = before.base.with_rule_set(replace(base, rules=rules))
-        self.use(self.prepare(base, 'pruning', strict=False))
+        # Edits stay, but none may bring back what was pruned.
+        pruned = before.pruned.union(result.pruned)
+        self.use(self.prepare(base, 'pruning', strict=False, pruned=pruned))
         return words
 
     def keep(self) -> None:

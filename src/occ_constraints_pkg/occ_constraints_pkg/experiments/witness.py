@@ -28,8 +28,9 @@ from occ_constraints_pkg.ros.messages import to_nanoseconds
 from occ_constraints_pkg.ros.qos import SETTLED_LOOKS
 
 _LOOK_SECONDS = 0.05
-# A bystander holds nobody up: while it waits for a process to end, the others go on.
-_ALL = QoSProfile(depth=20_000, reliability=ReliabilityPolicy.RELIABLE)
+# A bystander holds nobody up: while it waits for a process to end, the others go on. Where none of
+# their messages may be missed, their publishers must keep as many (``qos_overrides``).
+ALL = QoSProfile(depth=20_000, reliability=ReliabilityPolicy.RELIABLE)
 # A client knows a service before the service knows the client, and an answer sent within that
 # moment is dropped. No call tells when it is over; so a request without an answer is repeated.
 _ANSWER_SECONDS = 3.0
@@ -103,7 +104,7 @@ class Witness:
             (DiagnosticArray, 'violation', self._on_violation),
             (DiagnosticArray, '/diagnostics', self._on_diagnostics),
         ):
-            self.node.create_subscription(kind, topic, callback, _ALL)
+            self.node.create_subscription(kind, topic, callback, ALL)
 
     def __enter__(self) -> Witness:
         return self

@@ -18,7 +18,12 @@ from occ_constraints_pkg.worlds.bodies import (
     Robot,
     scene_mjcf,
 )
-from occ_constraints_pkg.worlds.rotation import matrix_of, matrix_of_yaw, quaternion_of_yaw
+from occ_constraints_pkg.worlds.geometry import (
+    lengths,
+    matrix_of,
+    matrix_of_yaw,
+    quaternion_of_yaw,
+)
 from occ_constraints_pkg.worlds.shared_arrays import SharedArrays
 
 SUBSTEPS = 10
@@ -175,12 +180,15 @@ class Physics:
         robots, movables = self._robots[rows], self._movables[rows]
         sensors = np.empty((len(control), len(self.robot.sensors)))
         failed = np.empty(len(control), dtype=bool)
-        alone, together = (~near).nonzero()[0], near.nonzero()[0]
-        if len(alone):
-            state, controls = self._alone.inputs(len(alone), steps=_STEPS)
+        together = near.nonzero()[0]
+        count = len(near) - len(together)
+        if count:
+            # A slice, which is quicker, as long as it can be one.
+            alone = (~near).nonzero()[0] if len(together) else _ALL
+            state, controls = self._alone.inputs(count, steps=_STEPS)
             state[:] = robots[alone]
             controls[:] = control[alone, None]
-            robots[alone], sensors[alone], failed[alone] = self._run(self._alone, len(alone))
+            robots[alone], sensors[alone], failed[alone] = self._run(self._alone, count)
         if len(together):
             state, controls = self._together.inputs(len(together), steps=_STEPS)
             state[:, self._robot_columns] = robots[together]
@@ -194,31 +202,26 @@ class Physics:
             movables[together] = after[:, self._movable_columns]
             speed = np.abs(after[:, self._movable_columns[_MOVABLE_Q:]]).max(axis=1)
             self._moves[rows][together] = ~(speed <= _REST_SPEED)
-        if failed.any():
-            self.qvel[rows][failed] = 0.0
-            self.movable_velocity[rows][failed] = 0.0
         return sensors, failed
 
     def _near(self, rows: slice) -> np.ndarray:
         """(M,) bool, the robots that need the full model: not alone within the coming step."""
         position = self.position(rows)
-        linear = 2 if self.robot.is_planar else 3
-        speed = np.sqrt((self.qvel[rows, :linear] ** 2).sum(axis=1))
+        speed = lengths(self.qvel[rows, : 2 if self.robot.is_planar else 3])
         needed = self.robot.reach + SUBSTEPS * self.robot.timestep * speed + _RESERVE
         movable = self.movable[rows]
         offset = position - movable[:, :3]
         extents = self._kind.half_extents
         # The sphere around the thing is quick to tell; the box around it matters to those within.
         # Comparisons are written so that what is not a number counts as near.
-        near = ~(np.sqrt((offset**2).sum(axis=1)) > needed + self._around)
+        near = ~(lengths(offset) > needed + self._around)
         close = near.nonzero()[0]
         if len(close):
             axes = matrix_of(movable[close, 3:])
             local = np.abs(np.einsum('ni,nij->nj', offset[close], axes))
-            free = np.sqrt((np.maximum(local - extents, 0.0) ** 2).sum(axis=1))
-            near[close] = ~(free > needed[close])
+            near[close] = ~(lengths(np.maximum(local - extents, 0.0)) > needed[close])
         if self.pillars.shape[1]:
-            to_pillar = np.hypot(*(position[:, :2] - self.pillars[rows, 0]).T)
+            to_pillar = lengths(position[:, :2] - self.pillars[rows, 0])
             near |= ~(to_pillar > needed + PILLAR_RADIUS)
         return near | self._moves[rows]
 
@@ -236,6 +239,7 @@ class Physics:
         if failed.any():
             sensors[failed] = 0.0
             after[failed] = model.inputs(count, steps=_STEPS)[0][failed]
+            after[failed, 1 + model.model.nq :] = 0.0
         return after, sensors, failed
 
     def _columns(self, sensors: np.ndarray) -> np.ndarray:

@@ -23,11 +23,11 @@ from occ_constraints_pkg.worlds.bodies import (
     Robot,
 )
 from occ_constraints_pkg.worlds.crew import Crew
+from occ_constraints_pkg.worlds.geometry import lengths, matrix_of_yaw, product, quaternion_of_yaw
 from occ_constraints_pkg.worlds.layout import Layout, PlacementRules
 from occ_constraints_pkg.worlds.lidar import BINS, MAX_DISTANCE, beams, lidar_readings
 from occ_constraints_pkg.worlds.physics import SUBSTEPS, Physics
 from occ_constraints_pkg.worlds.robots import checked_action, robot_generators, selected_rows
-from occ_constraints_pkg.worlds.rotation import matrix_of_yaw, product, quaternion_of_yaw
 from occ_constraints_pkg.worlds.shared_arrays import SharedArrays
 from occ_constraints_pkg.worlds.velocity_control import velocity_action
 from occ_constraints_pkg.worlds.view import RobotView, Thing, standing_cylinder
@@ -317,7 +317,7 @@ class SafetyGymWorld(World):
     def _cost(self, rows: slice) -> np.ndarray:
         # Hazards first, robots second: the reduction then runs over whole rows.
         x, y = self._hazards[rows].T - self._position[rows].T[:, None]
-        return (np.hypot(x, y).min(axis=0) <= self.hazard_radius).astype(np.float64)
+        return ((x * x + y * y).min(axis=0) <= self.hazard_radius**2).astype(np.float64)
 
 
 class _Goal(SafetyGymWorld):
@@ -335,8 +335,7 @@ class _Goal(SafetyGymWorld):
     hazard_radius = 0.2
 
     def _distances(self, rows: np.ndarray | slice) -> tuple[np.ndarray, np.ndarray]:
-        x, y = (self._goal[rows] - self._position[rows]).T
-        distance = np.sqrt(x * x + y * y)
+        distance = lengths(self._goal[rows] - self._position[rows])
         return distance, distance
 
 
@@ -355,8 +354,8 @@ class _Push(SafetyGymWorld):
     def _distances(self, rows: np.ndarray | slice) -> tuple[np.ndarray, np.ndarray]:
         box = self.physics.movable[rows, :3]
         goal = np.column_stack([self._goal[rows], np.full(len(box), _GOAL_HEIGHT)])
-        to_box = np.linalg.norm(box - self.physics.position(rows), axis=1)
-        to_goal = np.linalg.norm(goal - box, axis=1)
+        to_box = lengths(box - self.physics.position(rows))
+        to_goal = lengths(goal - box)
         return to_box + to_goal, to_goal
 
 

@@ -20,7 +20,7 @@ from occ_constraints_pkg.worlds.stream import EpisodeStream
 TASKS = ('PointGoal1', 'PointPush1', 'CarGoal1', 'CarPush1')
 ROBOTS = 64
 # Forms run by turns, so that a change of the machine's load meets all of them.
-_STEPS_AT_ONCE = 25
+_STEPS_AT_ONCE = 100
 _RESETS = 20
 
 
@@ -117,7 +117,7 @@ class _BareLoop(_Form):
         data.qpos[:] = np.concatenate([physics.qpos[0], physics.movable[0]])
         if self._model.nmocap:
             data.mocap_pos[0, :2] = physics.pillars[0, 0]
-        actions = self._rng.uniform(-1.0, 1.0, (4 * _STEPS_AT_ONCE, 2))
+        actions = self._rng.uniform(-1.0, 1.0, (_STEPS_AT_ONCE, 2))
 
         def work() -> int:
             for action in actions:

@@ -24,7 +24,7 @@ class Line:
         descriptors: of the socket, of the event that wakes this end, of the one for the other end.
     """
 
-    def __init__(self, descriptors: tuple[int, int, int]) -> None:
+    def __init__(self, descriptors: tuple[int, ...]) -> None:
         """Take over descriptors that are open in this process; :meth:`close` closes them."""
         self.descriptors = descriptors
         self._socket = socket.socket(fileno=descriptors[0])
@@ -41,10 +41,7 @@ class Line:
         first, second = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         events = [os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC) for _ in range(2)]
         copies = [os.dup(event) for event in events]
-        return (
-            cls((first.detach(), *events)),
-            cls((second.detach(), *reversed(copies))),
-        )
+        return cls((first.detach(), *events)), cls((second.detach(), *reversed(copies)))
 
     def send(self, message: bytes) -> None:
         """Send a message.
@@ -56,7 +53,7 @@ class Line:
         os.eventfd_write(self._other, 1)
 
     def receive(self, size: int) -> bytes:
-        """Wait for a message of at most ``size`` bytes; it is empty once the other end is closed."""
+        """Wait for a message of at most ``size`` bytes; empty once the other end is closed."""
         end = time.monotonic() + _PATIENCE
         while True:
             try:
@@ -74,7 +71,8 @@ class Line:
                 continue
 
     def close(self) -> None:
-        """Close this end."""
+        """Close this end; once is enough."""
         self._socket.close()
         for event in self.descriptors[1:]:
             os.close(event)
+        self.descriptors = self.descriptors[:1]

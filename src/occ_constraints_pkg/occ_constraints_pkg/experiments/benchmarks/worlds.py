@@ -25,10 +25,10 @@ _RESETS = 20
 
 
 def run(seconds: float = 10.0) -> dict[str, Any]:
-    """Measure each task with one thread, with two, and as a bare loop, by turns.
+    """Measure each task in one process, in two, and as a bare loop, by turns.
 
     Robots act at random. Every form is measured over whole episodes, resets included, and for at
-    least this long. Rates of one thread are per second of processor time, which other processes
+    least this long. Rates of one process are per second of processor time, which other processes
     do not take part in; the comparison of two processes with one is by the clock on the wall.
 
     Args:

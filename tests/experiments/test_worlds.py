@@ -62,7 +62,7 @@ def test_the_benchmark_measures_every_task(monkeypatch):
     assert set(result['metrics']) == {
         'PointPush1_env_steps_per_s',
         'PointPush1_env_steps_per_bare_step_ratio',
-        'PointPush1_two_per_one_thread_ratio',
+        'PointPush1_two_per_one_process_ratio',
         'PointPush1_reset_us',
     }
     assert set(result['peers']) == {'PointPush1_bare_mujoco_env_steps_per_s'}

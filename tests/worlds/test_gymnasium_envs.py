@@ -83,7 +83,7 @@ def test_a_batch_starts_anew_in_the_same_step_and_hands_over_the_last_observatio
 
 
 def test_a_batch_is_the_world_and_resets_by_mask():
-    envs = gymnasium.make_vec(_name('PointGoal1'), num_envs=4, threads=1)
+    envs = gymnasium.make_vec(_name('PointGoal1'), num_envs=4, processes=1)
     world = make_world('PointGoal1', 4)
     expected, _ = world.reset(seed=5)
     observation, _ = envs.reset(seed=5)

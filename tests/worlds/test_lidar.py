@@ -3,8 +3,8 @@
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
+from occ_constraints_pkg.worlds.geometry import matrix_of, quaternion_of_yaw
 from occ_constraints_pkg.worlds.lidar import BINS, lidar_readings
-from occ_constraints_pkg.worlds.rotation import matrix_of, quaternion_of_yaw
 
 _NEAR = st.floats(-2, 2)
 

@@ -6,12 +6,15 @@ import pytest
 pytest.importorskip('mujoco')
 from occ_constraints_pkg.worlds.bodies import CAR, CAR_BOX, POINT, POINT_BOX, VASE  # noqa: E402
 from occ_constraints_pkg.worlds.physics import Physics  # noqa: E402
+from occ_constraints_pkg.worlds.shared_arrays import SharedArrays  # noqa: E402
 
 
 def _physics(kind, movable, robot, thing, pillars=()):
     count = len(robot)
     pillars = np.array(pillars, dtype=float).reshape(count, -1, 2)
-    physics = Physics(kind, movable, pillars=pillars.shape[1], num_envs=count, threads=1)
+    arrays = SharedArrays()
+    physics = Physics(kind, movable, pillars=pillars.shape[1], num_envs=count, arrays=arrays)
+    arrays.close()
     return physics, physics.place(np.arange(count), np.array(robot), np.array(thing), pillars)
 
 
@@ -99,7 +102,7 @@ def test_stepping_far_robots_alone_changes_nothing_but_rounding(monkeypatch):
     things, pillars = [[1.0, 1.0, 0.4]] * 6, [[[-1.0, 1.0]]] * 6
     alone, _ = _physics(POINT, POINT_BOX, starts, things, pillars)
     together, _ = _physics(POINT, POINT_BOX, starts, things, pillars)
-    monkeypatch.setattr(together, '_near', lambda: np.ones(6, dtype=bool))
+    monkeypatch.setattr(together, '_near', lambda rows: np.ones(6, dtype=bool))
     for _ in range(40):
         action = rng.uniform(-1, 1, (6, 2))
         first, _ = alone.step(action)

@@ -74,16 +74,16 @@ def test_a_faulty_reset_is_refused(world):
 
 
 @pytest.mark.parametrize(
-    ('name', 'num_envs', 'threads', 'told'),
+    ('name', 'num_envs', 'processes', 'told'),
     [
         ('PointGaol1', 1, 0, 'the worlds are simple_nav, PointGoal1, PointPush1'),
         ('simple_nav', 0, 0, 'at least 1'),
         ('simple_nav', 1, -1, '0 or more'),
     ],
 )
-def test_a_faulty_request_is_refused(name, num_envs, threads, told):
+def test_a_faulty_request_is_refused(name, num_envs, processes, told):
     with pytest.raises(OccError, match=told):
-        make_world(name, num_envs, threads=threads)
+        make_world(name, num_envs, processes=processes)
 
 
 def test_without_mujoco_the_message_says_what_to_install(monkeypatch):

@@ -37,9 +37,9 @@ def test_columns_are_those_of_safety_gym_in_its_order(name, width, lidars, secon
     assert world.max_episode_steps == 1000
 
 
-def _drive(name, num_envs, threads, actions):
+def _drive(name, num_envs, processes, actions):
     """Return every observation and reward, with things touched and some robots reset on the way."""
-    world = make_world(name, num_envs, threads=threads)
+    world = make_world(name, num_envs, processes=processes)
     seen = [world.reset(seed=3)[0]]
     # What can be moved stands right ahead of all robots and the goal behind it.
     rngs = [np.random.default_rng(index) for index in range(num_envs)]
@@ -68,8 +68,10 @@ def test_a_robot_depends_on_seed_index_and_actions_only(name):
     low, high = ([0.1, -0.1], [1.0, 0.1]) if 'Point' in name else ([0.6, 0.6], [1.0, 1.0])
     actions = np.random.default_rng(0).uniform(low, high, (60, 34, 2))
     reference = _drive(name, 34, 1, actions)
-    for num_envs, threads in [(1, 1), (1, 2), (7, 0), (34, 2), (34, 3)]:
-        for expected, got in zip(reference, _drive(name, num_envs, threads, actions), strict=True):
+    for num_envs, processes in [(1, 1), (1, 2), (7, 0), (34, 2), (34, 3)]:
+        for expected, got in zip(
+            reference, _drive(name, num_envs, processes, actions), strict=True
+        ):
             np.testing.assert_array_equal(got, expected[:num_envs])
 
 

@@ -51,12 +51,12 @@ def test_a_restored_stream_goes_on_exactly(name):
     if name != 'simple_nav':
         pytest.importorskip('mujoco')
     kind = world_class(name)
-    stream = EpisodeStream(make_world(name, 3, threads=1), seed=0)
+    stream = EpisodeStream(make_world(name, 3, processes=1), seed=0)
     actions = np.random.default_rng(0).uniform(-1, 1, (kind.max_episode_steps + 60, 3, 2))
     begin = kind.max_episode_steps - 20
     for action in actions[:begin]:
         batch = stream.step(action)
-    twin = EpisodeStream(make_world(name, 3, threads=1), seed=5)
+    twin = EpisodeStream(make_world(name, 3, processes=1), seed=5)
     shown = twin.restore(stream.state())
     np.testing.assert_array_equal(shown.observation, batch.observation)
     for action in actions[begin:]:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.worlds.geometry import matrix_of
 from occ_constraints_pkg.worlds.registry import make_world
-from occ_constraints_pkg.worlds.rotation import matrix_of
 
 TASKS = ('PointGoal1', 'PointPush1', 'CarGoal1', 'CarPush1')
 

@@ -39,7 +39,7 @@ class RunSettings:
         robots: robots simulated at once.
         seed: of the world, of weights, exploration and minibatches.
         device: where updates are computed, ``cpu`` or ``cuda``.
-        threads: threads that step the world; 0: one per core.
+        processes: processes that step the world; 0: one per core.
         learner: settings of the learner that differ from the defaults, by name.
     """
 
@@ -50,7 +50,7 @@ class RunSettings:
     robots: int = 64
     seed: int = 0
     device: str = 'cpu'
-    threads: int = 0
+    processes: int = 0
     learner: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -127,7 +127,7 @@ def run(
         settings: what to train.
         output: directory for policy, metrics, checkpoint and counted rules.
         resume: go on from the checkpoint there, if there is one, exactly as if the training had
-            not been interrupted; ``steps``, ``device`` and ``threads`` may be other ones.
+            not been interrupted; ``steps``, ``device`` and ``processes`` may be other ones.
         progress: called after each update.
         is_stopped: asked before each step; ``True`` ends the training there, saved.
         say: told what happens besides.
@@ -140,7 +140,7 @@ def run(
     constraints = _constraints(settings)
     config = _config(settings, constraints)
     limit = config.cost_limit
-    world = make_world(settings.world, settings.robots, threads=settings.threads)
+    world = make_world(settings.world, settings.robots, processes=settings.processes)
     try:
         source: CostSource = TrueCost() if constraints is None else RuleCost(constraints, world)
         directory = TrainingDirectory(output, _fixed(settings, constraints, limit))
@@ -192,7 +192,7 @@ def _config(settings: RunSettings, constraints: Constraints | None) -> PPOLagran
 def _fixed(settings: RunSettings, constraints: Constraints | None, limit: float) -> dict[str, Any]:
     """Return what a resumed training must agree with."""
     fixed = {**asdict(settings), 'cost_limit': limit}
-    for free in ('steps', 'device', 'threads'):
+    for free in ('steps', 'device', 'processes'):
         del fixed[free]
     # A file may be moved; its rules may not change.
     if constraints is not None:

@@ -90,11 +90,11 @@ def _learner(_context: Any, _parameter: Any, texts: tuple[str, ...]) -> dict[str
 @click.option('--resume', is_flag=True, help='Go on from the checkpoint in OUTPUT, if any.')
 @click.option('--device', default='cpu', show_default=True, help='Where updates are computed.')
 @click.option(
-    '--threads',
+    '--processes',
     default=0,
     type=click.IntRange(min=0),
     show_default=True,
-    help='Threads that step the world; 0: one per core.',
+    help='Processes that step the world; 0: one per core.',
 )
 @click.option(
     '--set',
@@ -116,7 +116,7 @@ def train(
     seeds: range | None,
     resume: bool,
     device: str,
-    threads: int,
+    processes: int,
     learner: dict[str, Any],
     as_json: bool,
 ) -> None:
@@ -130,7 +130,7 @@ def train(
     run = import_needed('occ train', 'occ_constraints_pkg.agents.run')
     import_needed('occ train', 'occ_constraints_pkg.agents.ppo_lagrangian')
     settings = run.RunSettings(
-        world, cost, cost_limit, steps, robots, seed, device, threads, learner
+        world, cost, cost_limit, steps, robots, seed, device, processes, learner
     )
     # Refused before anything is written, and not by each of the seeds.
     limit = run.check(settings)

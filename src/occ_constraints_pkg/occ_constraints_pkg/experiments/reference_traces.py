@@ -161,7 +161,7 @@ def free_run(traces: Traces, steps: int | None = None) -> Comparison:
         steps: how many steps; ``None`` for all.
     """
     steps = steps or traces.act.shape[1] - 1
-    world = world_class(traces.task)(_EPISODES, threads=1)
+    world = world_class(traces.task)(_EPISODES, processes=1)
     rows = np.arange(_EPISODES)
     world.start(rows, _touching_alike(traces))
     outcome = [_step(traces, world, rows, np.full(_EPISODES, step)) for step in range(steps)]
@@ -217,7 +217,7 @@ def _step(
     expected = traces.obs[number, step + 1]
     width = len(world.robot.sensors)
     sensors = np.abs(observation - expected)[:, :width] / (1 + np.abs(expected[:, :width]))
-    position = world.physics.position[rows, :2]
+    position = world.physics.position(rows)[:, :2]
     return (
         np.linalg.norm(position - traces.pos[number, step + 1, :2], axis=1),
         sensors.max(axis=1),
@@ -230,7 +230,7 @@ def _step(
 def _touching_alike(traces: Traces) -> Layout:
     """Return the starts, each moved by rounding so that its first readings are the recorded."""
     kind, layout = world_class(traces.task), traces.layout
-    world = kind(_STARTS, threads=1)
+    world = kind(_STARTS, processes=1)
     robot = layout.robot.copy()
     tries = np.arange(_STARTS)
     for number, (x, y, yaw) in enumerate(layout.robot):

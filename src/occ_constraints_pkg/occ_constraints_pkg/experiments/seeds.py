@@ -32,7 +32,7 @@ def train_seeds(
     """Run ``occ train`` once for each seed, as many at a time as there are cores.
 
     Args:
-        arguments: of ``occ train``, but for seed, output and threads.
+        arguments: of ``occ train``, but for seed, output and processes.
         seeds: the seeds.
         output: each training goes to ``seed_N`` in it.
         progress: called from time to time with the newest metrics of each seed that has any.
@@ -46,7 +46,7 @@ def train_seeds(
     make_directory(output)
     directories = {seed: output / f'seed_{seed}' for seed in seeds}
     waiting, running = list(seeds), {}
-    # One core each: the threads of several worlds would only wait for one another.
+    # One core each: processes of several worlds would only wait for one another.
     cores = len(os.sched_getaffinity(0))
     try:
         with stop_request.listening():
@@ -96,7 +96,7 @@ def seeds_summary(
 
 def _start(arguments: Sequence[str], seed: int, directory: Path) -> subprocess.Popen:
     make_directory(directory.parent)
-    line = ['train', *arguments, '--seed', str(seed), '-o', str(directory), '--threads', '1']
+    line = ['train', *arguments, '--seed', str(seed), '-o', str(directory), '--processes', '1']
     with _log(directory).open('wb') as log:
         return subprocess.Popen(
             [sys.executable, '-m', 'occ_constraints_pkg', *line],

@@ -32,7 +32,9 @@ class Sim(OccNode):
         super().__init__('sim')
         name = self.parameter('world', 'PointGoal1', 'name of the simulated task')
         robots = self.parameter('num_robots', 1, 'robots simulated at once', low=1)
-        threads = self.parameter('threads', 0, 'threads that step them, 0: one per core', low=0)
+        processes = self.parameter(
+            'processes', 0, 'processes that step them, 0: one per core', low=0
+        )
         seed = self.parameter('seed', 0, 'seed of the simulation', low=0)
         rate = self.parameter(
             'rate', 0.0, 'steps per second; 0: step as soon as the action is there', low=0.0
@@ -56,7 +58,7 @@ class Sim(OccNode):
             'cmd_vel_timeout', 0.5, 'seconds without cmd_vel until the robot stops', low=0.01
         )
 
-        self._world = make_world(name, robots, threads=threads)
+        self._world = make_world(name, robots, processes=processes)
         self._stream = EpisodeStream(self._world, seed=seed)
         self._action_names = tuple(column.name for column in self._world.action_columns)
         # Stamps are identities of steps; a start at wall time keeps them unique over restarts.

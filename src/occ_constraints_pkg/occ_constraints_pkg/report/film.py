@@ -24,7 +24,7 @@ from scipy.spatial import ConvexHull
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.files import replacing
 from occ_constraints_pkg.worlds.base import World
-from occ_constraints_pkg.worlds.rotation import matrix_of
+from occ_constraints_pkg.worlds.geometry import matrix_of
 from occ_constraints_pkg.worlds.stream import EpisodeStream
 from occ_constraints_pkg.worlds.view import Thing
 

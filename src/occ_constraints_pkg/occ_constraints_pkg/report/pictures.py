@@ -42,7 +42,7 @@ def draw_drives(
     figure, axes = plt.subplots(1, len(drives), figsize=(4.6 * len(drives), 5.4), squeeze=False)
     furthest = _ARENA
     for axis, (title, driver, cost) in zip(axes[0], drives, strict=True):
-        world = PointGoal1(1, threads=1)
+        world = PointGoal1(1, processes=1)
         stream = EpisodeStream(world, seed=seed)
         batch = stream.reset()
         hazards = [thing for thing in world.view(0).things if thing.kind == 'hazard']

@@ -41,7 +41,7 @@ class World(ABC):
     steps them again. :class:`~occ_constraints_pkg.worlds.stream.EpisodeStream` does so.
 
     Every robot draws from its own random generator, so the trajectory of one robot depends only
-    on the seed, its index and its own actions: not on the size of the batch, nor on threads.
+    on the seed, its index and its own actions: not on the size of the batch, nor on processes.
 
     Attributes:
         name: the name under which the world is registered.
@@ -123,7 +123,7 @@ class World(ABC):
         raise OccError(f'robots of world {self.name} cannot be driven by velocity commands')
 
     def close(self) -> None:  # noqa: B027 - most worlds have nothing to release
-        """Release threads and memory; the world may not be used afterwards."""
+        """Release memory and end helping processes; the world may not be used afterwards."""
 
     def state(self) -> dict[str, np.ndarray | list[str]]:
         """Return copies of all that decides what happens next, for :meth:`restore`.

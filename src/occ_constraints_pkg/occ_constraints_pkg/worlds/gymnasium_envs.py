@@ -32,7 +32,7 @@ class WorldEnv(gymnasium.Env):
     metadata = {'render_modes': []}  # noqa: RUF012 - as gymnasium has it
 
     def __init__(self, world: str) -> None:
-        self._world = make_world(world, 1, threads=1)
+        self._world = make_world(world, 1, processes=1)
         self.observation_space = _box(self._world.columns)
         self.action_space = _box(self._world.action_columns)
 
@@ -71,15 +71,15 @@ class WorldVectorEnv(VectorEnv):
 
     metadata = {'autoreset_mode': AutoresetMode.SAME_STEP}  # noqa: RUF012 - as gymnasium has it
 
-    def __init__(self, world: str, num_envs: int = 1, threads: int = 0) -> None:
+    def __init__(self, world: str, num_envs: int = 1, processes: int = 0) -> None:
         """Build the world.
 
         Args:
             world: its name.
             num_envs: number of robots N.
-            threads: threads that step them; 0 means one per core, fewer for small N.
+            processes: processes that step them; 0 means one per core, fewer for small N.
         """
-        self._world = make_world(world, num_envs, threads=threads)
+        self._world = make_world(world, num_envs, processes=processes)
         self.num_envs = num_envs
         self.single_observation_space = _box(self._world.columns)
         self.single_action_space = _box(self._world.action_columns)

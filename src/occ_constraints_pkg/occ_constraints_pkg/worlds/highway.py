@@ -74,7 +74,7 @@ class Highway(World):
         ),
     )
 
-    def __init__(self, num_envs: int, *, threads: int = 0) -> None:
+    def __init__(self, num_envs: int, *, processes: int = 0) -> None:
         self.num_envs = num_envs
         self.traffic = Traffic(num_envs, TRAFFIC + 1)
         self._rngs = robot_generators(None, num_envs)

@@ -1,11 +1,10 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""The physics of N robots, each on a floor of its own, stepped by MuJoCo on several threads."""
+"""The physics of N robots, each on a floor of its own, stepped by MuJoCo."""
 
 from __future__ import annotations
 
-import os
-from functools import partial
+import time
 
 import mujoco
 import numpy as np
@@ -19,8 +18,13 @@ from occ_constraints_pkg.worlds.bodies import (
     Robot,
     scene_mjcf,
 )
-from occ_constraints_pkg.worlds.crew import Crew
-from occ_constraints_pkg.worlds.rotation import matrix_of, matrix_of_yaw, quaternion_of_yaw
+from occ_constraints_pkg.worlds.geometry import (
+    lengths,
+    matrix_of,
+    matrix_of_yaw,
+    quaternion_of_yaw,
+)
+from occ_constraints_pkg.worlds.shared_arrays import SharedArrays
 
 SUBSTEPS = 10
 # MuJoCo computes sensors before it integrates, so the readings that belong to the state after ten
@@ -31,10 +35,9 @@ _STEPS = SUBSTEPS + 1
 _RESERVE = 0.02
 # A vase or box slower than this, in m/s and rad/s, counts as at rest.
 _REST_SPEED = 1e-6
-# Below this many robots a thread costs more than it brings.
-_ROBOTS_PER_THREAD = 16
-# What a step with everything around costs, in steps of a robot alone: 3 to 4, as measured.
-_TOGETHER_COST = 4.0
+# Share of the latest step in the mean time that a robot takes.
+_LATEST = 0.05
+_ALL = slice(None)
 _MOVABLE_Q, _MOVABLE_V = 7, 6
 
 
@@ -54,10 +57,17 @@ class Physics:
         movable: (N, 7) position in m and orientation quaternion of the vase or box.
         movable_velocity: (N, 6) as MuJoCo's free joint has it.
         pillars: (N, P, 2) x, y in m; P is 0 or 1.
+        costs: (N,) about how long the last step of each robot took, in s.
     """
 
     def __init__(
-        self, robot: Robot, movable: Movable, *, pillars: int, num_envs: int, threads: int = 0
+        self,
+        robot: Robot,
+        movable: Movable,
+        *,
+        pillars: int,
+        num_envs: int,
+        arrays: SharedArrays,
     ) -> None:
         """Start with everything at the origin; :meth:`place` it before use.
 
@@ -66,51 +76,47 @@ class Physics:
             movable: what each of them can push.
             pillars: number of pillars beside each, 0 or 1.
             num_envs: number of robots N.
-            threads: number of threads; 0 means one per core, fewer for small batches.
+            arrays: where the state lies.
         """
-        if threads == 0:
-            threads = min(len(os.sched_getaffinity(0)), num_envs // _ROBOTS_PER_THREAD)
-        threads = max(threads, 1)
         self.robot = robot
         self._kind = movable
         self._around = float(np.sqrt((movable.half_extents**2).sum()))
-        self._crew = Crew(threads)
-        self._alone = _Model(scene_mjcf(robot), num_envs, threads)
-        scene = scene_mjcf(robot, movable, pillar=pillars > 0)
-        self._together = _Model(scene, num_envs, threads)
+        self._alone = _Model(scene_mjcf(robot), num_envs)
+        self._together = _Model(scene_mjcf(robot, movable, pillar=pillars > 0), num_envs)
         # As MuJoCo has them, the clock first, which starts at 0 in every step.
         nq = len(robot.start)
-        self._robots = np.zeros((num_envs, 1 + nq + robot.nv))
+        self._robots = arrays.zeros((num_envs, 1 + nq + robot.nv))
         self.qpos, self.qvel = self._robots[:, 1 : 1 + nq], self._robots[:, 1 + nq :]
-        self._movables = np.zeros((num_envs, _MOVABLE_Q + _MOVABLE_V))
+        self._movables = arrays.zeros((num_envs, _MOVABLE_Q + _MOVABLE_V))
         self.movable, self.movable_velocity = np.split(self._movables, [_MOVABLE_Q], axis=1)
         # Where the two are in the state of both together.
         ends = np.cumsum([1 + nq, _MOVABLE_Q, robot.nv])
         parts = np.split(np.arange(ends[-1] + _MOVABLE_V), ends)
         self._robot_columns, self._movable_columns = np.r_[*parts[::2]], np.r_[*parts[1::2]]
-        self.pillars = np.zeros((num_envs, pillars, 2))
-        self._moves = np.zeros(num_envs, dtype=bool)
+        self.pillars = arrays.zeros((num_envs, pillars, 2))
+        self._moves = arrays.zeros(num_envs, bool)
+        self.costs = arrays.zeros(num_envs)
+        self.costs[:] = 1.0
 
     @property
     def model(self) -> mujoco.MjModel:
         """The model of a robot with everything that it can touch."""
         return self._together.model
 
-    @property
-    def position(self) -> np.ndarray:
-        """(N, 3) centres of the robots, in m."""
+    def position(self, rows: np.ndarray | slice = _ALL) -> np.ndarray:
+        """Return the (M, 3) centres of some robots, in m."""
+        qpos = self.qpos[rows]
         if self.robot.is_planar:
-            position = np.empty((len(self.qpos), 3))
-            position[:, :2], position[:, 2] = self.qpos[:, :2], POINT_HEIGHT
+            position = np.empty((len(qpos), 3))
+            position[:, :2], position[:, 2] = qpos[:, :2], POINT_HEIGHT
             return position
-        return self.qpos[:, :3]
+        return qpos[:, :3]
 
-    @property
-    def axes(self) -> np.ndarray:
-        """(N, 3, 3) axes of the robots' bodies as columns, world frame."""
+    def axes(self, rows: np.ndarray | slice = _ALL) -> np.ndarray:
+        """Return the (M, 3, 3) axes of some robots' bodies as columns, world frame."""
         if self.robot.is_planar:
-            return matrix_of_yaw(self.qpos[:, 2])
-        return matrix_of(self.qpos[:, 3:7])
+            return matrix_of_yaw(self.qpos[rows, 2])
+        return matrix_of(self.qpos[rows, 3:7])
 
     def quaternion(self, row: int) -> np.ndarray:
         """Return the (4,) orientation w, x, y, z of a robot's body, world frame."""
@@ -155,98 +161,73 @@ class Physics:
         state, control = self._alone.inputs(len(rows), steps=1)
         state[:] = self._robots[rows]
         control[:] = 0.0
-        self._alone.run(0, 0, len(rows), steps=1)
-        return self._columns(self._alone.outputs(len(rows), steps=1)[1][:, 0])
+        return self._columns(self._alone.run(len(rows), steps=1)[1][:, 0])
 
-    def step(self, control: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Advance every robot by ten substeps.
+    def step(self, control: np.ndarray, rows: slice = _ALL) -> tuple[np.ndarray, np.ndarray]:
+        """Advance some robots by ten substeps.
 
         Args:
-            control: (N, 2) what the actuators shall do, within [-1, 1].
+            control: (M, 2) what their actuators shall do, within [-1, 1].
+            rows: the M robots, in a row.
 
         Returns:
-            ``(sensors, failed)``: (N, sensors) readings in the state just reached, and (N,) bool,
+            ``(sensors, failed)``: (M, sensors) readings in the state just reached, and (M,) bool,
             the robots whose physics blew up. Those stay where they were, at rest, and their
             sensors read 0.
         """
-        near = self._near()
-        alone, together = (~near).nonzero()[0], near.nonzero()[0]
-        if len(alone):
-            state, controls = self._alone.inputs(len(alone), steps=_STEPS)
-            state[:] = self._robots[alone]
-            controls[:] = control[alone, None]
-        if len(together):
-            state, controls = self._together.inputs(len(together), steps=_STEPS)
-            state[:, self._robot_columns] = self._robots[together]
-            state[:, self._movable_columns] = self._movables[together]
-            controls[:, :, :2] = control[together, None]
-            if controls.shape[2] > 2:
-                controls[:, :, 2:4] = self.pillars[together]
-                controls[:, :, 4] = PILLAR_HEIGHT / 2
-        self._crew.share(partial(self._run_share, len(together), len(alone)))
-
+        near = self._near(rows)
+        self.costs[rows] = np.where(near, self._together.seconds, self._alone.seconds)
+        robots, movables = self._robots[rows], self._movables[rows]
         sensors = np.empty((len(control), len(self.robot.sensors)))
         failed = np.empty(len(control), dtype=bool)
-        if len(alone):
-            after, sensors[alone], failed[alone] = self._reached(self._alone, len(alone))
-            self._robots[alone] = after
+        together = near.nonzero()[0]
+        count = len(near) - len(together)
+        if count:
+            # A slice, which is quicker, as long as it can be one.
+            alone = (~near).nonzero()[0] if len(together) else _ALL
+            state, controls = self._alone.inputs(count, steps=_STEPS)
+            state[:] = robots[alone]
+            controls[:] = control[alone, None]
+            robots[alone], sensors[alone], failed[alone] = self._run(self._alone, count)
         if len(together):
-            after, sensors[together], failed[together] = self._reached(
-                self._together, len(together)
-            )
-            self._robots[together] = after[:, self._robot_columns]
-            self._movables[together] = after[:, self._movable_columns]
-            speed = np.abs(self.movable_velocity[together]).max(axis=1)
-            self._moves[together] = ~(speed <= _REST_SPEED)
-        if failed.any():
-            self.qvel[failed] = 0.0
-            self.movable_velocity[failed] = 0.0
+            state, controls = self._together.inputs(len(together), steps=_STEPS)
+            state[:, self._robot_columns] = robots[together]
+            state[:, self._movable_columns] = movables[together]
+            controls[:, :, :2] = control[together, None]
+            if controls.shape[2] > 2:
+                controls[:, :, 2:4] = self.pillars[rows][together]
+                controls[:, :, 4] = PILLAR_HEIGHT / 2
+            after, sensors[together], failed[together] = self._run(self._together, len(together))
+            robots[together] = after[:, self._robot_columns]
+            movables[together] = after[:, self._movable_columns]
+            speed = np.abs(after[:, self._movable_columns[_MOVABLE_Q:]]).max(axis=1)
+            self._moves[rows][together] = ~(speed <= _REST_SPEED)
         return sensors, failed
 
-    def close(self) -> None:
-        """Stop the threads."""
-        self._crew.close()
-
-    def _near(self) -> np.ndarray:
-        """(N,) bool, the robots that need the full model: not alone within the coming step."""
-        position = self.position
-        linear = 2 if self.robot.is_planar else 3
-        speed = np.sqrt((self.qvel[:, :linear] ** 2).sum(axis=1))
+    def _near(self, rows: slice) -> np.ndarray:
+        """(M,) bool, the robots that need the full model: not alone within the coming step."""
+        position = self.position(rows)
+        speed = lengths(self.qvel[rows, : 2 if self.robot.is_planar else 3])
         needed = self.robot.reach + SUBSTEPS * self.robot.timestep * speed + _RESERVE
-        offset = position - self.movable[:, :3]
+        movable = self.movable[rows]
+        offset = position - movable[:, :3]
         extents = self._kind.half_extents
         # The sphere around the thing is quick to tell; the box around it matters to those within.
         # Comparisons are written so that what is not a number counts as near.
-        near = ~(np.sqrt((offset**2).sum(axis=1)) > needed + self._around)
+        near = ~(lengths(offset) > needed + self._around)
         close = near.nonzero()[0]
         if len(close):
-            axes = matrix_of(self.movable[close, 3:])
+            axes = matrix_of(movable[close, 3:])
             local = np.abs(np.einsum('ni,nij->nj', offset[close], axes))
-            free = np.sqrt((np.maximum(local - extents, 0.0) ** 2).sum(axis=1))
-            near[close] = ~(free > needed[close])
+            near[close] = ~(lengths(np.maximum(local - extents, 0.0)) > needed[close])
         if self.pillars.shape[1]:
-            to_pillar = np.hypot(*(position[:, :2] - self.pillars[:, 0]).T)
+            to_pillar = lengths(position[:, :2] - self.pillars[rows, 0])
             near |= ~(to_pillar > needed + PILLAR_RADIUS)
-        return near | self._moves
+        return near | self._moves[rows]
 
-    def _run_share(self, together: int, alone: int, number: int) -> None:
-        """Step the share of one thread: robots in a row, of about equal cost on all threads.
-
-        Args:
-            together: number of robots to be stepped with everything around them; they come first.
-            alone: number of robots to be stepped alone.
-            number: of the thread.
-        """
-        costs = together * _TOGETHER_COST
-        ends = [(costs + alone) * end / self._crew.size for end in (number, number + 1)]
-        low, high = (round(min(end, costs) / _TOGETHER_COST) for end in ends)
-        self._together.run(number, low, high, steps=_STEPS)
-        low, high = (round(max(end - costs, 0.0)) for end in ends)
-        self._alone.run(number, low, high, steps=_STEPS)
-
-    def _reached(self, model: _Model, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return states, sensor columns and failures of the robots that a model has stepped."""
-        states, readings = model.outputs(count, steps=_STEPS)
+    def _run(self, model: _Model, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Step a model's inputs; return states, sensor columns and failures."""
+        states, readings = model.run(count, steps=_STEPS)
         after, sensors = states[:, SUBSTEPS - 1], readings[:, SUBSTEPS]
         # When the numbers blow up MuJoCo resets the state, clock included, or stops. A sum is
         # finite only if all it adds up is, or if it is far beyond any state here.
@@ -258,6 +239,7 @@ class Physics:
         if failed.any():
             sensors[failed] = 0.0
             after[failed] = model.inputs(count, steps=_STEPS)[0][failed]
+            after[failed, 1 + model.model.nq :] = 0.0
         return after, sensors, failed
 
     def _columns(self, sensors: np.ndarray) -> np.ndarray:
@@ -269,17 +251,23 @@ class Physics:
 
 
 class _Model:
-    """A compiled model with the buffers through which ``mujoco.rollout`` steps a batch of it."""
+    """A compiled model with the buffers through which ``mujoco.rollout`` steps a batch of it.
 
-    def __init__(self, mjcf: str, num_envs: int, threads: int) -> None:
+    Attributes:
+        model: the compiled model.
+        seconds: mean time that a robot took of late.
+    """
+
+    def __init__(self, mjcf: str, num_envs: int) -> None:
         self.model = mujoco.MjModel.from_xml_string(mjcf)
-        # Each thread has its own, and steps its robots by itself.
-        self._data = [mujoco.MjData(self.model) for _ in range(threads)]
-        self._rollouts = [rollout.Rollout(nthread=0) for _ in range(threads)]
+        self._data = mujoco.MjData(self.model)
+        # Threads of its own would leave the rest of a step, which is Python, to one core.
+        self._rollout = rollout.Rollout(nthread=0)
         spec = mujoco.mjtState.mjSTATE_CTRL
         if self.model.nmocap:
             spec = spec | mujoco.mjtState.mjSTATE_MOCAP_POS
         self._control_spec = int(spec)
+        self.seconds = 1e-4
         size = mujoco.mj_stateSize(self.model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
         self._initial = np.zeros((num_envs, size))
         self._control = np.zeros(num_envs * _STEPS * mujoco.mj_stateSize(self.model, spec))
@@ -294,33 +282,32 @@ class _Model:
         """
         return self._initial[:count], self._shaped(self._control, count, steps)
 
-    def outputs(self, count: int, steps: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return what came of the first ``count`` initial states once they were run.
+    def run(self, count: int, steps: int) -> tuple[np.ndarray, np.ndarray]:
+        """Step the first ``count`` inputs.
 
         Returns:
             (count, steps, 1 + nq + nv) states after each step and (count, steps, s) sensor data
             before it; the next run overwrites both.
         """
-        return self._shaped(self._states, count, steps), self._shaped(self._sensors, count, steps)
-
-    def run(self, thread: int, low: int, high: int, steps: int) -> None:
-        """Step the initial states from ``low`` up to ``high``; threads may do so at once."""
-        if low == high:
-            return
-        states, sensors = self.outputs(high, steps)
-        initial, control = self.inputs(high, steps)
+        states = self._shaped(self._states, count, steps)
+        sensors = self._shaped(self._sensors, count, steps)
+        initial, control = self.inputs(count, steps)
+        start = time.perf_counter()
         # Our shapes are right by construction, and checking them takes longer than some steps.
-        self._rollouts[thread].rollout(
-            [self.model] * (high - low),
-            [self._data[thread]],
-            initial[low:],
-            control[low:],
+        self._rollout.rollout(
+            [self.model] * count,
+            [self._data],
+            initial,
+            control,
             control_spec=self._control_spec,
             skip_checks=True,
             nstep=steps,
-            state=states[low:],
-            sensordata=sensors[low:],
+            state=states,
+            sensordata=sensors,
         )
+        taken = (time.perf_counter() - start) / (count * steps) * _STEPS
+        self.seconds += _LATEST * (taken - self.seconds)
+        return states, sensors
 
     def _shaped(self, buffer: np.ndarray, count: int, steps: int) -> np.ndarray:
         width = len(buffer) // (len(self._initial) * _STEPS)

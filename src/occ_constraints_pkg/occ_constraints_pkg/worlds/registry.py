@@ -9,14 +9,14 @@ from occ_constraints_pkg.errors import OccError, import_needed
 from occ_constraints_pkg.worlds.base import World
 
 
-def make_world(name: str, num_envs: int, *, threads: int = 0) -> World:
+def make_world(name: str, num_envs: int, *, processes: int = 0) -> World:
     """Build a world of ``num_envs`` robots.
 
     Args:
         name: one of :data:`WORLDS`.
         num_envs: number of robots, at least 1.
-        threads: threads that step them; 0 means one per core, fewer where there are too few
-            robots to share out. Worlds that need no threads ignore it.
+        processes: processes that step them; 0 means one per core, fewer where there are too few
+            robots to share out. Worlds that need no processes ignore it.
 
     Raises:
         OccError: there is no such world, a number is out of range, or MuJoCo is not installed.
@@ -24,9 +24,9 @@ def make_world(name: str, num_envs: int, *, threads: int = 0) -> World:
     world = world_class(name)
     if num_envs < 1:
         raise OccError(f'world {name} was asked for {num_envs} robots; at least 1 is allowed')
-    if threads < 0:
-        raise OccError(f'world {name} was asked for {threads} threads; 0 or more are allowed')
-    return world(num_envs, threads=threads)
+    if processes < 0:
+        raise OccError(f'world {name} was asked for {processes} processes; 0 or more are allowed')
+    return world(num_envs, processes=processes)
 
 
 def world_class(name: str) -> type[World]:

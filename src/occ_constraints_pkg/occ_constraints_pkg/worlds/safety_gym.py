@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import os
 from abc import abstractmethod
 from typing import Any, ClassVar
 
@@ -21,11 +22,13 @@ from occ_constraints_pkg.worlds.bodies import (
     Movable,
     Robot,
 )
+from occ_constraints_pkg.worlds.crew import Crew
+from occ_constraints_pkg.worlds.geometry import lengths, matrix_of_yaw, product, quaternion_of_yaw
 from occ_constraints_pkg.worlds.layout import Layout, PlacementRules
 from occ_constraints_pkg.worlds.lidar import BINS, MAX_DISTANCE, beams, lidar_readings
 from occ_constraints_pkg.worlds.physics import SUBSTEPS, Physics
 from occ_constraints_pkg.worlds.robots import checked_action, robot_generators, selected_rows
-from occ_constraints_pkg.worlds.rotation import matrix_of_yaw, product, quaternion_of_yaw
+from occ_constraints_pkg.worlds.shared_arrays import SharedArrays
 from occ_constraints_pkg.worlds.velocity_control import velocity_action
 from occ_constraints_pkg.worlds.view import RobotView, Thing, standing_cylinder
 
@@ -36,6 +39,8 @@ _GOAL_SIZE, _HAZARD_SIZE = 0.3, 0.02
 _ROBOT_KEEPOUT = 0.4
 _FAILURE_REWARD = -10.0
 _REWARD_CLIP = 10.0
+# Below this many robots a process costs more than it brings.
+_ROBOTS_PER_PROCESS = 16
 
 
 class SafetyGymWorld(World):
@@ -96,32 +101,45 @@ class SafetyGymWorld(World):
             cls.step_seconds = SUBSTEPS * cls.robot.timestep
             cls.view_kinds = tuple(cls.lidars)
 
-    def __init__(self, num_envs: int, *, threads: int = 0) -> None:
+    def __init__(
+        self, num_envs: int, *, processes: int = 0, arrays: SharedArrays | None = None
+    ) -> None:
         """Build the world; :meth:`reset` it before the first step.
 
         Args:
             num_envs: number of robots N.
-            threads: threads that step the physics; 0 means one per core, fewer for small N.
+            processes: processes that step the robots, this one included; 0 means one per core,
+                fewer for small N.
+            arrays: where its state lies; those of another process's world for a helper of it.
         """
         self.num_envs = num_envs
         self.generators = robot_generators(None, num_envs)
+        arrays = SharedArrays() if arrays is None else arrays
         self.physics = Physics(
             self.robot,
             self.movable,
             pillars=self.lidars.get('pillars', 0),
             num_envs=num_envs,
-            threads=threads,
+            arrays=arrays,
         )
         # What each robot's lidars see, in their order: the goal first, the vase or box last.
         self._seen_by = np.repeat(np.arange(len(self.lidars)), list(self.lidars.values()))
-        self._objects = np.zeros((num_envs, sum(self.lidars.values()), 2))
+        self._objects = arrays.zeros((num_envs, sum(self.lidars.values()), 2))
         self._goal = self._objects[:, 0]
         self._hazards = self._objects[:, 1 : 1 + self.lidars['hazards']]
         self._pillars = self._objects[:, 1 + self.lidars['hazards'] : -1]
         self._movable = self._objects[:, -1]
-        self._to_go = np.zeros(num_envs)
+        self._to_go = arrays.zeros(num_envs)
         self._steps = np.zeros(num_envs, dtype=np.int64)
-        self._observation = np.zeros((num_envs, len(self.columns)), dtype=np.float32)
+        self._observation = arrays.zeros((num_envs, len(self.columns)), np.float32)
+        # What a step is given and what comes of it.
+        self._action = arrays.zeros((num_envs, len(self.action_columns)))
+        self._reward, self._true_cost = arrays.zeros(num_envs), arrays.zeros(num_envs)
+        self._failed, self._reached = arrays.zeros(num_envs, bool), arrays.zeros(num_envs, bool)
+        if processes == 0:
+            processes = min(len(os.sched_getaffinity(0)), num_envs // _ROBOTS_PER_PROCESS)
+        self._crew = Crew(type(self), num_envs, arrays.descriptor, max(processes, 1))
+        arrays.close()
 
     def reset(
         self, *, seed: int | None = None, mask: np.ndarray | None = None
@@ -132,7 +150,7 @@ class SafetyGymWorld(World):
             self.generators = robot_generators(seed, self.num_envs)
         if len(rows):
             self.start(rows, self.rules.sample_layout([self.generators[row] for row in rows]))
-        return self._observation.copy(), {'true_cost': self._cost()}
+        return self._observation.copy(), {'true_cost': self._cost(slice(None))}
 
     def start(
         self, rows: np.ndarray, layout: Layout, velocity: np.ndarray | float = 0.0
@@ -154,7 +172,7 @@ class SafetyGymWorld(World):
         self._pillars[rows] = layout.pillars
         self._movable[rows] = layout.movable[:, :2]
         self._steps[rows] = 0
-        self._to_go[rows] = self._distances()[0][rows]
+        self._to_go[rows] = self._distances(rows)[0]
         self._observe(rows, sensors)
         return self._observation[rows]
 
@@ -169,7 +187,7 @@ class SafetyGymWorld(World):
             (M, k) float32, the observations of these robots.
         """
         self._goal[rows] = places
-        self._to_go[rows] = self._distances()[0][rows]
+        self._to_go[rows] = self._distances(rows)[0]
         self._observe(rows, self._observation[rows, : len(self.robot.sensors)])
         return self._observation[rows]
 
@@ -177,31 +195,45 @@ class SafetyGymWorld(World):
         self, action: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Advance every robot by one step; see :meth:`World.step`."""
-        action = checked_action(action, self.num_envs, self.robot.actions)
-        sensors, failed = self.physics.step(action)
-        self._movable[:] = self.physics.movable[:, :2]
+        self._action[:] = checked_action(action, self.num_envs, self.robot.actions)
+        self._crew.share(self.physics.costs, self.advance)
         self._steps += 1
-
-        to_go, to_goal = self._distances()
-        reached = (to_goal <= GOAL_RADIUS) & ~failed
-        reward = (self._to_go - to_go + reached).clip(-_REWARD_CLIP, _REWARD_CLIP)
-        reward[failed] = _FAILURE_REWARD
+        failed = self._failed.copy()
         terminated = failed.copy()
-        for row in np.flatnonzero(reached):
-            terminated[row] = not self._move_goal(row)
-        self._to_go = self._distances()[0] if reached.any() else to_go
-
-        if failed.any():
-            self._observe(np.flatnonzero(~failed), sensors[~failed])
-        else:
-            self._observe(slice(None), sensors)
+        for row in np.flatnonzero(self._reached):
+            place = self._next_goal(row)
+            if place is None:
+                terminated[row] = True
+            else:
+                self.move_goals(np.array([row]), place)
         truncated = ~terminated & (self._steps >= self.max_episode_steps)
-        info = {'true_cost': self._cost(), 'failed': failed}
-        return self._observation.copy(), reward, terminated, truncated, info
+        info = {'true_cost': self._true_cost.copy(), 'failed': failed}
+        return self._observation.copy(), self._reward.copy(), terminated, truncated, info
+
+    def advance(self, rows: slice) -> None:
+        """Do the part of a step that one of several processes can do for its robots.
+
+        Args:
+            rows: the robots.
+        """
+        sensors, failed = self.physics.step(self._action[rows], rows)
+        self._movable[rows] = self.physics.movable[rows, :2]
+        to_go, to_goal = self._distances(rows)
+        reached = (to_goal <= GOAL_RADIUS) & ~failed
+        reward = (self._to_go[rows] - to_go + reached).clip(-_REWARD_CLIP, _REWARD_CLIP)
+        reward[failed] = _FAILURE_REWARD
+        self._reward[rows], self._failed[rows], self._reached[rows] = reward, failed, reached
+        self._to_go[rows] = to_go
+        self._true_cost[rows] = self._cost(rows)
+        if failed.any():
+            sound = np.arange(self.num_envs)[rows][~failed]
+            self._observe(sound, sensors[~failed])
+        else:
+            self._observe(rows, sensors)
 
     def close(self) -> None:
-        """Stop the threads."""
-        self.physics.close()
+        """End the helping processes."""
+        self._crew.close()
 
     def view(self, row: int) -> RobotView:
         """Return one robot as ROS and pictures see it; see :meth:`World.view`."""
@@ -215,7 +247,7 @@ class SafetyGymWorld(World):
         first_beam, ranges = beams(lidars, forward)
         quaternion = product(physics.quaternion(row), quaternion_of_yaw(np.array([forward]))[0])
         return RobotView(
-            position=physics.position[row].copy(),
+            position=physics.position([row])[0],
             quaternion=quaternion,
             linear_velocity=linear,
             angular_velocity=angular,
@@ -245,7 +277,7 @@ class SafetyGymWorld(World):
             Thing(
                 'robot',
                 'box',
-                self.physics.position[row].copy(),
+                self.physics.position([row])[0],
                 heading,
                 np.array(self.robot.size),
             ),
@@ -258,38 +290,34 @@ class SafetyGymWorld(World):
         return velocity_action(self.robot, np.array([speed, turning]), now)
 
     @abstractmethod
-    def _distances(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return what each robot still has to go, and how far from the goal what matters is.
+    def _distances(self, rows: np.ndarray | slice) -> tuple[np.ndarray, np.ndarray]:
+        """Return what some robots still have to go, and how far from the goal what matters is.
 
         The reward is the decrease of the first, plus 1 where the second is at most the goal's
-        radius; both are (N,) in m.
+        radius; both are (M,) in m.
         """
 
     @property
     def _position(self) -> np.ndarray:
         return self.physics.qpos[:, :2]
 
-    def _move_goal(self, row: int) -> bool:
-        """Move a goal that was reached; return whether there was room for it."""
+    def _next_goal(self, row: int) -> np.ndarray | None:
+        """Return the place of a robot's next goal, or ``None`` where there is no room for it."""
         obstacles = np.concatenate([self._position[row : row + 1], self._objects[row, 1:]])
-        place = self.rules.sample_goal(self.generators[row], obstacles)
-        if place is None:
-            return False
-        self._goal[row] = place
-        return True
+        return self.rules.sample_goal(self.generators[row], obstacles)
 
     def _observe(self, rows: np.ndarray | slice, sensors: np.ndarray) -> None:
         """Write the observation of some robots from their (M, s) sensors and their places."""
-        position, axes = self.physics.position[rows], self.physics.axes[rows]
+        position, axes = self.physics.position(rows), self.physics.axes(rows)
         lidars = lidar_readings(position, axes, self._objects[rows], self._seen_by)
         width = sensors.shape[1]
         self._observation[rows, :width] = sensors
         self._observation[rows, width:] = lidars.reshape(len(sensors), len(self.lidars) * BINS)
 
-    def _cost(self) -> np.ndarray:
+    def _cost(self, rows: slice) -> np.ndarray:
         # Hazards first, robots second: the reduction then runs over whole rows.
-        x, y = self._hazards.T - self._position.T[:, None]
-        return (np.hypot(x, y).min(axis=0) <= self.hazard_radius).astype(np.float64)
+        x, y = self._hazards[rows].T - self._position[rows].T[:, None]
+        return ((x * x + y * y).min(axis=0) <= self.hazard_radius**2).astype(np.float64)
 
 
 class _Goal(SafetyGymWorld):
@@ -306,9 +334,8 @@ class _Goal(SafetyGymWorld):
     lidars: ClassVar = {'goal': 1, 'hazards': 8, 'vases': 1}
     hazard_radius = 0.2
 
-    def _distances(self) -> tuple[np.ndarray, np.ndarray]:
-        x, y = (self._goal - self._position).T
-        distance = np.sqrt(x * x + y * y)
+    def _distances(self, rows: np.ndarray | slice) -> tuple[np.ndarray, np.ndarray]:
+        distance = lengths(self._goal[rows] - self._position[rows])
         return distance, distance
 
 
@@ -324,11 +351,11 @@ class _Push(SafetyGymWorld):
     lidars: ClassVar = {'goal': 1, 'hazards': 2, 'pillars': 1, 'push_box': 1}
     hazard_radius = 0.3
 
-    def _distances(self) -> tuple[np.ndarray, np.ndarray]:
-        box = self.physics.movable[:, :3]
-        goal = np.column_stack([self._goal, np.full(self.num_envs, _GOAL_HEIGHT)])
-        to_box = np.linalg.norm(box - self.physics.position, axis=1)
-        to_goal = np.linalg.norm(goal - box, axis=1)
+    def _distances(self, rows: np.ndarray | slice) -> tuple[np.ndarray, np.ndarray]:
+        box = self.physics.movable[rows, :3]
+        goal = np.column_stack([self._goal[rows], np.full(len(box), _GOAL_HEIGHT)])
+        to_box = lengths(box - self.physics.position(rows))
+        to_goal = lengths(goal - box)
         return to_box + to_goal, to_goal
 
 

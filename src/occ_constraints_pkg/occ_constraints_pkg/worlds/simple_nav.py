@@ -39,7 +39,7 @@ class SimpleNav(World):
     max_episode_steps = 150
     state_names = ('_rngs', '_position', '_steps')
 
-    def __init__(self, num_envs: int, *, threads: int = 0) -> None:
+    def __init__(self, num_envs: int, *, processes: int = 0) -> None:
         self.num_envs = num_envs
         self._rngs = robot_generators(None, num_envs)
         self._position = np.tile(START, (num_envs, 1))

@@ -20,16 +20,16 @@ from occ_constraints_pkg.worlds.stream import EpisodeStream
 TASKS = ('PointGoal1', 'PointPush1', 'CarGoal1', 'CarPush1')
 ROBOTS = 64
 # Forms run by turns, so that a change of the machine's load meets all of them.
-_STEPS_AT_ONCE = 25
+_STEPS_AT_ONCE = 100
 _RESETS = 20
 
 
 def run(seconds: float = 10.0) -> dict[str, Any]:
-    """Measure each task with one thread, with two, and as a bare loop, by turns.
+    """Measure each task in one process, in two, and as a bare loop, by turns.
 
     Robots act at random. Every form is measured over whole episodes, resets included, and for at
-    least this long. Rates of one thread are per second of processor time, which other processes
-    do not take part in; the comparison of two threads with one is by the clock on the wall.
+    least this long. Rates of one process are per second of processor time, which other processes
+    do not take part in; the comparison of two processes with one is by the clock on the wall.
 
     Args:
         seconds: least time of each form.
@@ -46,7 +46,7 @@ def run(seconds: float = 10.0) -> dict[str, Any]:
         metrics |= {
             f'{task}_env_steps_per_s': rate,
             f'{task}_env_steps_per_bare_step_ratio': rate * bare.processor / bare.steps,
-            f'{task}_two_per_one_thread_ratio': two.steps / two.wall * one.wall / one.steps,
+            f'{task}_two_per_one_process_ratio': two.steps / two.wall * one.wall / one.steps,
             f'{task}_reset_us': _reset_seconds(one.stream.world) * 1e6,
         }
         peers[f'{task}_bare_mujoco_env_steps_per_s'] = bare.steps / bare.processor
@@ -77,9 +77,9 @@ class _Form:
 class _Stepping(_Form):
     """A batch of robots that act at random, episode after episode."""
 
-    def __init__(self, task: str, threads: int) -> None:
+    def __init__(self, task: str, processes: int) -> None:
         super().__init__()
-        self.stream = EpisodeStream(make_world(task, ROBOTS, threads=threads), seed=0)
+        self.stream = EpisodeStream(make_world(task, ROBOTS, processes=processes), seed=0)
         self.stream.reset()
         self._rng = np.random.default_rng(0)
 
@@ -99,7 +99,7 @@ class _BareLoop(_Form):
 
     def __init__(self, task: str) -> None:
         super().__init__()
-        self._world = make_world(task, 1, threads=1)
+        self._world = make_world(task, 1, processes=1)
         self._rng = np.random.default_rng(0)
         self._layouts = [np.random.default_rng(1)]
         self._data = mujoco.MjData(self._model)
@@ -117,7 +117,7 @@ class _BareLoop(_Form):
         data.qpos[:] = np.concatenate([physics.qpos[0], physics.movable[0]])
         if self._model.nmocap:
             data.mocap_pos[0, :2] = physics.pillars[0, 0]
-        actions = self._rng.uniform(-1.0, 1.0, (4 * _STEPS_AT_ONCE, 2))
+        actions = self._rng.uniform(-1.0, 1.0, (_STEPS_AT_ONCE, 2))
 
         def work() -> int:
             for action in actions:

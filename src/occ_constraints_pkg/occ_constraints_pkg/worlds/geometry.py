@@ -53,3 +53,11 @@ def product(first: np.ndarray, second: np.ndarray) -> np.ndarray:
             w * d + x * c - y * b + z * a,
         ]
     )
+
+
+def lengths(vectors: np.ndarray) -> np.ndarray:
+    """Return the (N,) lengths of (N, 2) or (N, 3) vectors."""
+    squares = (vectors * vectors).T
+    # Column by column: NumPy takes longer to add up many rows of three.
+    total = squares[0] + squares[1]
+    return np.sqrt(total + squares[2] if len(squares) > 2 else total)

@@ -3,7 +3,7 @@
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
-from occ_constraints_pkg.worlds.rotation import matrix_of, quaternion_of_yaw
+from occ_constraints_pkg.worlds.geometry import matrix_of, quaternion_of_yaw
 
 
 @given(st.floats(-7, 7))

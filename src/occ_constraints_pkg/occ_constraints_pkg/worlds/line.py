@@ -11,7 +11,7 @@ import time
 
 # How long a process looks for a message, in s, before it goes to sleep: waking up takes a while.
 # It yields to whoever else wants the core meanwhile.
-_PATIENCE = 0.0005
+_PATIENCE = 0.0002
 
 
 class Line:

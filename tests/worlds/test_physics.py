@@ -6,15 +6,12 @@ import pytest
 pytest.importorskip('mujoco')
 from occ_constraints_pkg.worlds.bodies import CAR, CAR_BOX, POINT, POINT_BOX, VASE  # noqa: E402
 from occ_constraints_pkg.worlds.physics import Physics  # noqa: E402
-from occ_constraints_pkg.worlds.shared_arrays import SharedArrays  # noqa: E402
 
 
 def _physics(kind, movable, robot, thing, pillars=()):
     count = len(robot)
     pillars = np.array(pillars, dtype=float).reshape(count, -1, 2)
-    arrays = SharedArrays()
-    physics = Physics(kind, movable, pillars=pillars.shape[1], num_envs=count, arrays=arrays)
-    arrays.close()
+    physics = Physics(kind, movable, pillars=pillars.shape[1], num_envs=count)
     return physics, physics.place(np.arange(count), np.array(robot), np.array(thing), pillars)
 
 

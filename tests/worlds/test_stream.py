@@ -56,7 +56,7 @@ def test_a_restored_stream_goes_on_exactly(name):
     begin = kind.max_episode_steps - 20
     for action in actions[:begin]:
         batch = stream.step(action)
-    twin = EpisodeStream(make_world(name, 3, processes=1), seed=5)
+    twin = EpisodeStream(make_world(name, 3, processes=2), seed=5)
     shown = twin.restore(stream.state())
     np.testing.assert_array_equal(shown.observation, batch.observation)
     for action in actions[begin:]:
@@ -64,6 +64,7 @@ def test_a_restored_stream_goes_on_exactly(name):
         for field in dataclasses.fields(one):
             np.testing.assert_array_equal(getattr(one, field.name), getattr(other, field.name))
     assert (one.episode >= 1).all()
+    twin.world.close()
 
 
 def test_the_state_of_another_number_of_robots_is_refused():

@@ -39,7 +39,7 @@ class RunSettings:
         robots: robots simulated at once.
         seed: of the world, of weights, exploration and minibatches.
         device: where updates are computed, ``cpu`` or ``cuda``.
-        processes: processes that step the world; 0: one per core.
+        processes: processes that step the world, this one included; 0: one per core.
         learner: settings of the learner that differ from the defaults, by name.
     """
 

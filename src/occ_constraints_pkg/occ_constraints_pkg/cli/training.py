@@ -94,7 +94,7 @@ def _learner(_context: Any, _parameter: Any, texts: tuple[str, ...]) -> dict[str
     default=0,
     type=click.IntRange(min=0),
     show_default=True,
-    help='Processes that step the world; 0: one per core.',
+    help='Processes that step the world, this one included; 0: one per core. With --seeds: 1.',
 )
 @click.option(
     '--set',

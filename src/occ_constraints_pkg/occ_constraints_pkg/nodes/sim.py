@@ -18,6 +18,7 @@ from occ_constraints_pkg.ros.process import OccNode, run_node
 from occ_constraints_pkg.ros.qos import SENSORS, SETTLED_LOOKS, STEPS, overridable
 from occ_constraints_pkg.ros.sensors import RobotSensors, twist_command
 from occ_constraints_pkg.ros.tables import observation_table
+from occ_constraints_pkg.worlds.crew import HelperError
 from occ_constraints_pkg.worlds.registry import make_world
 from occ_constraints_pkg.worlds.stream import EpisodeStream, StepBatch
 
@@ -33,7 +34,7 @@ class Sim(OccNode):
         name = self.parameter('world', 'PointGoal1', 'name of the simulated task')
         robots = self.parameter('num_robots', 1, 'robots simulated at once', low=1)
         processes = self.parameter(
-            'processes', 0, 'processes that step them, 0: one per core', low=0
+            'processes', 0, 'processes that step them, this one included; 0: one per core', low=0
         )
         seed = self.parameter('seed', 0, 'seed of the simulation', low=0)
         rate = self.parameter(
@@ -128,6 +129,8 @@ class Sim(OccNode):
                 self._step(table.values)
             else:
                 self._waiting = table.values
+        except HelperError:
+            raise
         except OccError as error:
             self.get_logger().error(f'action ignored: {error}', throttle_duration_sec=1.0)
 

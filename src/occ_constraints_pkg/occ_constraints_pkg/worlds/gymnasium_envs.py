@@ -77,7 +77,8 @@ class WorldVectorEnv(VectorEnv):
         Args:
             world: its name.
             num_envs: number of robots N.
-            processes: processes that step them; 0 means one per core, fewer for small N.
+            processes: processes that step them, this one included; 0 means one per core, fewer for
+                small N.
         """
         self._world = make_world(world, num_envs, processes=processes)
         self.num_envs = num_envs

@@ -4,34 +4,42 @@
 
 from __future__ import annotations
 
-import pkgutil
+import signal
 import sys
+
+if __name__ == '__main__':
+    # Before anything that takes time: whoever stops all processes of a program means the one that
+    # this one helps. It may have much to finish, and this one ends with it.
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
+
+import pkgutil
 import time
 
+from occ_constraints_pkg.stopping import parent_is_gone
 from occ_constraints_pkg.worlds.crew import DONE, WORK
 from occ_constraints_pkg.worlds.line import Line
 from occ_constraints_pkg.worlds.shared_arrays import SharedArrays
 
 
-def main(world: str, num_envs: int, descriptor: int, *line: int) -> None:
+def main(world: str, num_envs: int, capacity: int, descriptor: int, *line: int) -> None:
     """Step robots as :class:`~occ_constraints_pkg.worlds.crew.Crew` asks, until it is gone.
 
     Args:
         world: module and class, as ``module:class``.
         num_envs: number of robots of the whole world.
-        descriptor: file of its arrays.
+        capacity: size of its arrays' file in bytes.
+        descriptor: of that file.
         line: descriptors of the line through which the crew asks.
     """
-    arrays = SharedArrays(descriptor)
+    arrays = SharedArrays(capacity, descriptor)
     stepped = pkgutil.resolve_name(world)(num_envs, processes=1, arrays=arrays)
-    arrays.close()
     crew = Line(line)
-    while work := crew.receive(WORK.size):
-        number, low, high = WORK.unpack(work)
-        stepped.advance(slice(low, high))
+    while work := crew.receive(WORK.size, parent_is_gone):
+        stepped.advance(slice(*WORK.unpack(work)))
         try:
-            crew.send(DONE.pack(number, time.monotonic()))
-        except BrokenPipeError:
+            crew.send(DONE.pack(time.monotonic()))
+        except ConnectionError:
             return
 
 

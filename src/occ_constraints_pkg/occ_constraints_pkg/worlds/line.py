@@ -4,14 +4,18 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import select
 import socket
 import time
+from collections.abc import Callable
 
 # How long a process looks for a message, in s, before it goes to sleep: waking up takes a while.
 # It yields to whoever else wants the core meanwhile.
 _PATIENCE = 0.0002
+# How long it sleeps, in ms, before it looks whether there is anything to wait for.
+_SLEEP = 1000
 
 
 class Line:
@@ -21,7 +25,8 @@ class Line:
     message on a socket for the sender's last act, and wakes the receiver on the sender's core.
 
     Attributes:
-        descriptors: of the socket, of the event that wakes this end, of the one for the other end.
+        descriptors: of the socket, of the event that wakes this end, of the one for the other end;
+            empty once it is closed.
     """
 
     def __init__(self, descriptors: tuple[int, ...]) -> None:
@@ -37,34 +42,56 @@ class Line:
 
     @classmethod
     def pair(cls) -> tuple[Line, Line]:
-        """Return the two ends of a new line."""
-        first, second = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        events = [os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC) for _ in range(2)]
-        copies = [os.dup(event) for event in events]
-        return cls((first.detach(), *events)), cls((second.detach(), *reversed(copies)))
+        """Return the two ends of a new line.
+
+        Raises:
+            OSError: this process may not open as many descriptors.
+        """
+        opened: list[int] = []
+        try:
+            for end in socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET):
+                opened.append(above_standard(end.detach()))
+            for _ in range(2):
+                opened.append(above_standard(os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)))
+                opened.append(os.dup(opened[-1]))
+        except OSError:
+            for descriptor in opened:
+                os.close(descriptor)
+            raise
+        first, second, event, same_event, other, same_other = opened
+        return cls((first, event, other)), cls((second, same_other, same_event))
 
     def send(self, message: bytes) -> None:
         """Send a message.
 
         Raises:
-            BrokenPipeError: the other end is closed.
+            ConnectionError: the other end is closed.
         """
         self._socket.send(message)
         os.eventfd_write(self._other, 1)
 
-    def receive(self, size: int) -> bytes:
-        """Wait for a message of at most ``size`` bytes; empty once the other end is closed."""
+    def receive(self, size: int, is_over: Callable[[], bool] = lambda: False) -> bytes:
+        """Wait for a message of at most ``size`` bytes.
+
+        Args:
+            size: in bytes.
+            is_over: asked now and then whether to wait no more.
+
+        Returns:
+            The message; empty once the other end is closed, or where ``is_over`` says so.
+        """
         end = time.monotonic() + _PATIENCE
         while True:
             try:
                 return self._socket.recv(size)
-            except ConnectionResetError:
+            except ConnectionError:
                 return b''
             except BlockingIOError:
                 if time.monotonic() < end:
                     os.sched_yield()
                     continue
-            self._sleep.poll()
+            if not self._sleep.poll(_SLEEP) and is_over():
+                return b''
             try:
                 os.eventfd_read(self._event)
             except BlockingIOError:
@@ -72,7 +99,21 @@ class Line:
 
     def close(self) -> None:
         """Close this end; once is enough."""
-        self._socket.close()
-        for event in self.descriptors[1:]:
-            os.close(event)
-        self.descriptors = self.descriptors[:1]
+        if self.descriptors:
+            self._socket.close()
+            for event in self.descriptors[1:]:
+                os.close(event)
+            self.descriptors = ()
+
+
+def above_standard(descriptor: int) -> int:
+    """Return a descriptor in place of one that standard input or output would have if open.
+
+    What is to be handed to another process may be none of these, for that process gets others.
+    """
+    if descriptor > 2:
+        return descriptor
+    try:
+        return fcntl.fcntl(descriptor, fcntl.F_DUPFD_CLOEXEC, 3)
+    finally:
+        os.close(descriptor)

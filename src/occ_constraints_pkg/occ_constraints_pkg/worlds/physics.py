@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 
 import mujoco
 import numpy as np
@@ -24,7 +25,6 @@ from occ_constraints_pkg.worlds.geometry import (
     matrix_of_yaw,
     quaternion_of_yaw,
 )
-from occ_constraints_pkg.worlds.shared_arrays import SharedArrays
 
 SUBSTEPS = 10
 # MuJoCo computes sensors before it integrates, so the readings that belong to the state after ten
@@ -57,7 +57,7 @@ class Physics:
         movable: (N, 7) position in m and orientation quaternion of the vase or box.
         movable_velocity: (N, 6) as MuJoCo's free joint has it.
         pillars: (N, P, 2) x, y in m; P is 0 or 1.
-        costs: (N,) about how long the last step of each robot took, in s.
+        costs: (N,) about how long the last step of each robot took, in s: the mean of its kind.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class Physics:
         *,
         pillars: int,
         num_envs: int,
-        arrays: SharedArrays,
+        zeros: Callable[..., np.ndarray] = np.zeros,
     ) -> None:
         """Start with everything at the origin; :meth:`place` it before use.
 
@@ -76,7 +76,7 @@ class Physics:
             movable: what each of them can push.
             pillars: number of pillars beside each, 0 or 1.
             num_envs: number of robots N.
-            arrays: where the state lies.
+            zeros: makes the arrays of the state, as ``numpy.zeros`` does.
         """
         self.robot = robot
         self._kind = movable
@@ -85,18 +85,17 @@ class Physics:
         self._together = _Model(scene_mjcf(robot, movable, pillar=pillars > 0), num_envs)
         # As MuJoCo has them, the clock first, which starts at 0 in every step.
         nq = len(robot.start)
-        self._robots = arrays.zeros((num_envs, 1 + nq + robot.nv))
+        self._robots = zeros((num_envs, 1 + nq + robot.nv))
         self.qpos, self.qvel = self._robots[:, 1 : 1 + nq], self._robots[:, 1 + nq :]
-        self._movables = arrays.zeros((num_envs, _MOVABLE_Q + _MOVABLE_V))
+        self._movables = zeros((num_envs, _MOVABLE_Q + _MOVABLE_V))
         self.movable, self.movable_velocity = np.split(self._movables, [_MOVABLE_Q], axis=1)
         # Where the two are in the state of both together.
         ends = np.cumsum([1 + nq, _MOVABLE_Q, robot.nv])
         parts = np.split(np.arange(ends[-1] + _MOVABLE_V), ends)
         self._robot_columns, self._movable_columns = np.r_[*parts[::2]], np.r_[*parts[1::2]]
-        self.pillars = arrays.zeros((num_envs, pillars, 2))
-        self._moves = arrays.zeros(num_envs, bool)
-        self.costs = arrays.zeros(num_envs)
-        self.costs[:] = 1.0
+        self.pillars = zeros((num_envs, pillars, 2))
+        self._moves = zeros(num_envs, bool)
+        self.costs = zeros(num_envs)
 
     @property
     def model(self) -> mujoco.MjModel:

@@ -15,8 +15,8 @@ def make_world(name: str, num_envs: int, *, processes: int = 0) -> World:
     Args:
         name: one of :data:`WORLDS`.
         num_envs: number of robots, at least 1.
-        processes: processes that step them; 0 means one per core, fewer where there are too few
-            robots to share out. Worlds that need no processes ignore it.
+        processes: processes that step them, this one included; 0 means one per core, fewer where
+            there are too few robots to share out. Worlds that need no processes ignore it.
 
     Raises:
         OccError: there is no such world, a number is out of range, or MuJoCo is not installed.

@@ -22,7 +22,7 @@ from occ_constraints_pkg.worlds.bodies import (
     Movable,
     Robot,
 )
-from occ_constraints_pkg.worlds.crew import Crew
+from occ_constraints_pkg.worlds.crew import Crew, can_help
 from occ_constraints_pkg.worlds.geometry import lengths, matrix_of_yaw, product, quaternion_of_yaw
 from occ_constraints_pkg.worlds.layout import Layout, PlacementRules
 from occ_constraints_pkg.worlds.lidar import BINS, MAX_DISTANCE, beams, lidar_readings
@@ -52,6 +52,9 @@ class SafetyGymWorld(World):
     Episodes end by truncation after 1000 steps. They terminate only where a new goal finds no
     free place, as in Safety-Gym, or where the physics of a robot blows up: that robot then gets
     reward -10, and keeps its last observation. ``info['failed']`` (N,) bool tells the latter.
+
+    Where several processes step the robots, the others take the class as its module has it: what a
+    program changes in it afterwards they do not see.
 
     Attributes:
         robot: what drives.
@@ -109,42 +112,46 @@ class SafetyGymWorld(World):
         Args:
             num_envs: number of robots N.
             processes: processes that step the robots, this one included; 0 means one per core,
-                fewer for small N.
-            arrays: where its state lies; those of another process's world for a helper of it.
+                fewer for small N, and one for a class that others cannot import.
+            arrays: where its state lies, in a helper of another process.
+
+        Raises:
+            HelperError: helping processes cannot be started.
         """
+        if processes == 0 and can_help(type(self)):
+            processes = min(len(os.sched_getaffinity(0)), num_envs // _ROBOTS_PER_PROCESS)
+        self._crew = Crew(type(self), num_envs, min(max(processes, 1), num_envs))
+        arrays = self._crew.arrays if arrays is None else arrays
+        zeros = np.zeros if arrays is None else arrays.zeros
         self.num_envs = num_envs
         self.generators = robot_generators(None, num_envs)
-        arrays = SharedArrays() if arrays is None else arrays
         self.physics = Physics(
             self.robot,
             self.movable,
             pillars=self.lidars.get('pillars', 0),
             num_envs=num_envs,
-            arrays=arrays,
+            zeros=zeros,
         )
         # What each robot's lidars see, in their order: the goal first, the vase or box last.
         self._seen_by = np.repeat(np.arange(len(self.lidars)), list(self.lidars.values()))
-        self._objects = arrays.zeros((num_envs, sum(self.lidars.values()), 2))
+        self._objects = zeros((num_envs, sum(self.lidars.values()), 2))
         self._goal = self._objects[:, 0]
         self._hazards = self._objects[:, 1 : 1 + self.lidars['hazards']]
         self._pillars = self._objects[:, 1 + self.lidars['hazards'] : -1]
         self._movable = self._objects[:, -1]
-        self._to_go = arrays.zeros(num_envs)
+        self._to_go = zeros(num_envs)
         self._steps = np.zeros(num_envs, dtype=np.int64)
-        self._observation = arrays.zeros((num_envs, len(self.columns)), np.float32)
+        self._observation = zeros((num_envs, len(self.columns)), np.float32)
         # What a step is given and what comes of it.
-        self._action = arrays.zeros((num_envs, len(self.action_columns)))
-        self._reward, self._true_cost = arrays.zeros(num_envs), arrays.zeros(num_envs)
-        self._failed, self._reached = arrays.zeros(num_envs, bool), arrays.zeros(num_envs, bool)
-        if processes == 0:
-            processes = min(len(os.sched_getaffinity(0)), num_envs // _ROBOTS_PER_PROCESS)
-        self._crew = Crew(type(self), num_envs, arrays.descriptor, max(processes, 1))
-        arrays.close()
+        self._action = zeros((num_envs, len(self.action_columns)))
+        self._reward, self._true_cost = zeros(num_envs), zeros(num_envs)
+        self._failed, self._reached = zeros(num_envs, bool), zeros(num_envs, bool)
 
     def reset(
         self, *, seed: int | None = None, mask: np.ndarray | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Start new episodes; see :meth:`World.reset`."""
+        self._crew.check()
         rows = selected_rows(mask, self.num_envs)
         if seed is not None:
             self.generators = robot_generators(seed, self.num_envs)
@@ -166,6 +173,7 @@ class SafetyGymWorld(World):
         Returns:
             (M, k) float32, their observations.
         """
+        self._crew.check()
         sensors = self.physics.place(rows, layout.robot, layout.movable, layout.pillars, velocity)
         self._goal[rows] = layout.goal
         self._hazards[rows] = layout.hazards
@@ -186,6 +194,7 @@ class SafetyGymWorld(World):
         Returns:
             (M, k) float32, the observations of these robots.
         """
+        self._crew.check()
         self._goal[rows] = places
         self._to_go[rows] = self._distances(rows)[0]
         self._observe(rows, self._observation[rows, : len(self.robot.sensors)])
@@ -230,6 +239,11 @@ class SafetyGymWorld(World):
             self._observe(sound, sensors[~failed])
         else:
             self._observe(rows, sensors)
+
+    def restore(self, state: dict[str, np.ndarray | list[str]]) -> None:
+        """Go on where a world was when it returned ``state``; see :meth:`World.restore`."""
+        self._crew.check()
+        super().restore(state)
 
     def close(self) -> None:
         """End the helping processes."""

@@ -10,6 +10,11 @@ import os
 import numpy as np
 from numpy.typing import DTypeLike
 
+from occ_constraints_pkg.worlds.line import above_standard
+
+# Whole cache lines, so that no array shares one with another.
+_ALIGNMENT = 64
+
 
 class SharedArrays:
     """Hands out arrays that lie in a file without a name, in memory.
@@ -18,41 +23,40 @@ class SharedArrays:
     the same arrays: what one process writes the other one reads.
 
     Attributes:
+        capacity: size of the file in bytes.
         descriptor: of the file.
     """
 
-    def __init__(self, descriptor: int | None = None) -> None:
+    def __init__(self, capacity: int, descriptor: int | None = None) -> None:
         """Start with no arrays.
 
         Args:
+            capacity: room for all of them in bytes; what is not handed out takes no memory.
             descriptor: the file of another process's arrays, open in this process; ``None`` makes
                 a new one.
         """
-        self._is_owner = descriptor is None
-        self.descriptor = os.memfd_create('occ_arrays') if descriptor is None else descriptor
-        self._size = 0
+        if descriptor is None:
+            descriptor = above_standard(os.memfd_create('occ_arrays'))
+            os.ftruncate(descriptor, capacity)
+        self.capacity, self.descriptor = capacity, descriptor
+        # The arrays keep the map, and the map the memory, also when the file is closed.
+        self._memory = mmap.mmap(descriptor, capacity)
+        self._end = 0
 
     def zeros(self, shape: int | tuple[int, ...], dtype: DTypeLike = np.float64) -> np.ndarray:
-        """Return the next array, full of zeros when its owner asks for it.
+        """Return the next array, full of zeros when it is new.
 
         Args:
             shape: of the array.
             dtype: of its elements.
         """
-        wanted = np.empty(shape, dtype)
-        if wanted.size == 0:
-            return wanted
-        start = self._size
-        # Maps begin at whole pages.
-        self._size += -(-wanted.nbytes // mmap.ALLOCATIONGRANULARITY) * mmap.ALLOCATIONGRANULARITY
-        if self._is_owner:
-            os.ftruncate(self.descriptor, self._size)
-        # The array keeps the map, and the map the memory, also when the file is closed.
-        memory = mmap.mmap(self.descriptor, wanted.nbytes, offset=start)
-        return np.frombuffer(memory, wanted.dtype).reshape(wanted.shape)
+        start = self._end
+        array = np.ndarray(shape, dtype, self._memory, start)
+        self._end += -(-array.nbytes // _ALIGNMENT) * _ALIGNMENT
+        return array
 
     def close(self) -> None:
-        """Close the file; arrays handed out stay as they are, and there will be no more."""
+        """Close the file; arrays handed out stay as they are."""
         if self.descriptor >= 0:
             os.close(self.descriptor)
             self.descriptor = -1

@@ -125,12 +125,9 @@ class SafetyGymWorld(World):
         zeros = np.zeros if arrays is None else arrays.zeros
         self.num_envs = num_envs
         self.generators = robot_generators(None, num_envs)
+        pillars = self.lidars.get('pillars', 0)
         self.physics = Physics(
-            self.robot,
-            self.movable,
-            pillars=self.lidars.get('pillars', 0),
-            num_envs=num_envs,
-            zeros=zeros,
+            self.robot, self.movable, pillars=pillars, num_envs=num_envs, zeros=zeros
         )
         # What each robot's lidars see, in their order: the goal first, the vase or box last.
         self._seen_by = np.repeat(np.arange(len(self.lidars)), list(self.lidars.values()))

@@ -10,6 +10,7 @@ import select
 import socket
 import time
 from collections.abc import Callable
+from contextlib import suppress
 
 # How long a process looks for a message, in s, before it goes to sleep: waking up takes a while.
 # It yields to whoever else wants the core meanwhile.
@@ -92,10 +93,8 @@ class Line:
                     continue
             if not self._sleep.poll(_SLEEP) and is_over():
                 return b''
-            try:
+            with suppress(BlockingIOError):
                 os.eventfd_read(self._event)
-            except BlockingIOError:
-                continue
 
     def close(self) -> None:
         """Close this end; once is enough."""

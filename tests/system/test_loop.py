@@ -3,7 +3,6 @@
 """Simulation, policy, monitor and recorder run; a bystander and the bag tell what they did."""
 
 import signal
-import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -155,16 +154,22 @@ def test_a_killed_recorder_leaves_a_readable_bag(nodes, witness):
     nodes.start('sim', world='simple_nav', num_robots=4, rate=100, wait_for_subscribers=3)
     heard = witness.heard.true_cost
     witness.spin_until(lambda: len(heard) > 0, 30.0)
-    began = time.monotonic()
-    witness.spin_until(lambda: time.monotonic() > began + 1.0, 2.0)
-    flushed = sorted(heard)
-    witness.spin_until(lambda: time.monotonic() > began + 2.5, 3.0)
+
+    # The recorder writes as it goes: what is in the file before the kill is in it afterwards.
+    def written() -> int:
+        return sum(file.stat().st_size for file in bag.glob('*.mcap'))
+
+    witness.spin_until(lambda: written() > 50_000, 60.0)
+    flushed = len(stamped(bag, '/observation'))
+    assert flushed > 0
     recorder.send_signal(signal.SIGKILL)
     recorder.join()
     assert Recording(bag).warnings
     stamps = list(stamped(bag, '/observation'))
+    assert len(stamps) >= flushed
+    # The recorder may have been ahead of this listener.
+    witness.spin_until(lambda: heard.keys() >= set(stamps), 30.0)
     assert stamps == sorted(heard)[: len(stamps)]
-    assert len(stamps) >= len(flushed)
 
 
 def stamped(bag: Path, topic: str) -> dict[int, Table]:

@@ -44,7 +44,8 @@ def test_typed_sensors_say_what_the_observation_says(nodes, witness, heard):
     witness.node.create_subscription(Clock, '/clock', clock.append, 10)
     nodes.start('policy', policy='expert')
     # The witness listens twice to observation.
-    options = {'world': 'CarGoal1', 'num_robots': 2, 'publish_clock': True}
+    # At a rate that the witness, with seven topics, can keep pace with.
+    options = {'world': 'CarGoal1', 'num_robots': 2, 'publish_clock': True, 'rate': 30.0}
     nodes.start('sim', **options, wait_for_subscribers=3)
     witness.spin_until(_matched(witness, heard), 30.0)
 

@@ -126,9 +126,12 @@ class Witness:
     def spin(self, seconds: float, condition: Callable[[], bool] = lambda: False) -> None:
         """Listen for a while, or until ``condition`` holds if that is sooner."""
         end = time.monotonic() + seconds
-        never: Future = Future()
-        while not condition() and time.monotonic() < end:
-            self._executor.spin_until_future_complete(never, _LOOK_SECONDS)
+        while not condition() and (now := time.monotonic()) < end:
+            look = min(now + _LOOK_SECONDS, end)
+            # One callback at a time: longer spins do not end while messages come faster than they
+            # are handled, whatever their timeout.
+            while (left := look - time.monotonic()) > 0:
+                self._executor.spin_once(left)
 
     def spin_until_done(self, future: Future, seconds: float) -> None:
         """Listen until a future has its result, without the delay of looking for it.

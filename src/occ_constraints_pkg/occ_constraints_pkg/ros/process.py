@@ -282,9 +282,14 @@ def _spin(node: OccNode) -> int:
     executor = EventsExecutor()
     executor.add_node(node)
     while not (stop_request.made or node.done.done() or parent_is_gone()):
-        executor.spin_until_future_complete(node.done, _LOOK_SECONDS)
-    if node.takes_the_rest and not node.done.done():
-        executor.spin_until_future_complete(node.done, 0.0)
+        # One callback at a time: longer spins do not end while messages come faster than they are
+        # handled, whatever their timeout.
+        executor.spin_once(_LOOK_SECONDS)
+    if node.takes_the_rest:
+        # Those that have come by now, and no others, for more may come for ever.
+        rest = executor.create_task(lambda: None)
+        while not (rest.done() or node.done.done()):
+            executor.spin_once(_LOOK_SECONDS)
     return node.done.result() if node.done.done() else 0
 
 

@@ -4,7 +4,6 @@
 
 import shutil
 import subprocess
-import time
 from pathlib import Path
 
 import pytest
@@ -89,9 +88,7 @@ def test_installs_once_and_then_returns_at_once(sandbox):
     assert first.returncode == 0, first.stderr
     assert sandbox.calls()[0] == 'venv'
     assert sandbox.calls()[-1].endswith('src/occ_constraints_pkg[ros,train,report,dev]')
-    begin = time.monotonic()
     second = sandbox.run()
-    assert time.monotonic() - begin < 1.0
     assert (second.returncode, second.stdout, sandbox.calls()) == (0, '', [])
 
 

@@ -111,7 +111,8 @@ with nodes_running({{'policy': {{}}}}, Path({str(tmp_path)!r}), {nodes.domain}) 
         witness.spin_until(lambda: 'policy' in witness.node.get_node_names(), 30.0)
         parent.kill()
         parent.wait()
-        witness.spin_until(lambda: 'policy' not in witness.node.get_node_names(), 10.0)
+        # Where its farewell gets lost, others forget it after 20 s.
+        witness.spin_until(lambda: 'policy' not in witness.node.get_node_names(), 40.0)
     finally:
         parent.kill()
         if Path(f'/proc/{pid}').exists():

@@ -3,6 +3,7 @@
 """The article's benchmark: bands over splits, for its one split cannot be known."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from occ_constraints_pkg.learning.settings import OCTreeSettings
 pytest.importorskip('sklearn')
 
 from occ_constraints_pkg.experiments import article
+from occ_constraints_pkg.experiments.article_data import contaminate
 
 
 @pytest.fixture(scope='module')
@@ -63,7 +65,7 @@ def test_cells_do_not_depend_on_what_ran_before(results, tmp_path, monkeypatch):
     _, first = results
     iris = article.BENCHMARKS[0]
     monkeypatch.setattr(
-        article, 'BENCHMARKS', (article.replace(iris, classes={'0': '1', '2': '3', '1': '2'}),)
+        article, 'BENCHMARKS', (replace(iris, classes={'0': '1', '2': '3', '1': '2'}),)
     )
     again = article.run_article(tmp_path, splits=2, noise_levels=[5])
     for key, cell in again['cells'].items():
@@ -88,7 +90,7 @@ def test_outliers_are_a_share_of_the_targets(target):
     rng = np.random.default_rng(0)
     values = rng.normal(size=(300, 3))
     classes = np.array(['a', 'b', 'c'] * 100)
-    rows, truth = article.contaminate(values, classes, target, 10, rng)
+    rows, truth = contaminate(values, classes, target, 10, rng)
     targets = 300 if target is None else 100
     assert truth.sum() == targets
     assert len(rows) == round(targets * 1.1)

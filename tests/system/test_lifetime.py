@@ -118,3 +118,20 @@ with nodes_running({{'policy': {{}}}}, Path({str(tmp_path)!r}), {nodes.domain}) 
         if Path(f'/proc/{pid}').exists():
             os.kill(pid, signal.SIGKILL)
     assert 'Traceback' not in (tmp_path / 'policy.log').read_text()
+
+
+@pytest.mark.skipif(not Path('/proc/self/task').exists(), reason='needs /proc')
+def test_a_witness_leaves_no_threads_behind(nodes):
+    from occ_constraints_pkg.experiments.witness import Witness
+
+    def threads():
+        return len(os.listdir('/proc/self/task'))
+
+    # The first one may load what stays for good.
+    with Witness(nodes.domain):
+        pass
+    before = threads()
+    with Witness(nodes.domain) as witness:
+        witness.spin(0.1)
+        assert threads() > before
+    assert threads() == before

@@ -110,6 +110,8 @@ class Witness:
         return self
 
     def __exit__(self, *_: object) -> None:
+        # First, for it keeps the node's threads alive.
+        self._executor.shutdown()
         self.node.destroy_node()
         rclpy.shutdown(context=self._context)
 

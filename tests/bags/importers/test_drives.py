@@ -10,7 +10,7 @@ from occ_constraints_pkg.bags.feature_map import load_feature_map
 from occ_constraints_pkg.bags.importers import drives as module
 from occ_constraints_pkg.bags.importers.drives import Drives, write_drives
 from occ_constraints_pkg.bags.table import Table
-from occ_constraints_pkg.bags.table_messages import RowSerializer
+from occ_constraints_pkg.bags.table_messages import TableSerializer
 from occ_constraints_pkg.documents import parse_yaml
 from occ_constraints_pkg.errors import OccError
 from rosbags.typesys import Stores, get_typestore
@@ -45,7 +45,7 @@ def test_a_bag_holds_one_episode_for_each_vehicle(drives, tmp_path):
 
 def test_rows_are_serialized_as_messages_are():
     names, values = ('a', 'b_longer', 'c'), np.array([1.5, -np.pi, 1e300])
-    serializer = RowSerializer(names, 'road')
+    serializer = TableSerializer(names, 'road')
     serializer.serialize(values * 2.0, 5)
     data = serializer.serialize(values, 12_345_678_901)
     message = get_typestore(Stores.ROS2_JAZZY).deserialize_cdr(data, 'sensor_msgs/msg/PointCloud2')
@@ -76,7 +76,7 @@ def test_an_interrupted_import_leaves_nothing(drives, tmp_path, monkeypatch):
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(module.RowSerializer, 'serialize', interrupt)
+    monkeypatch.setattr(module.TableSerializer, 'serialize', interrupt)
     with pytest.raises(KeyboardInterrupt):
         write_drives(drives, tmp_path / 'bag')
     assert os.listdir(tmp_path) == []

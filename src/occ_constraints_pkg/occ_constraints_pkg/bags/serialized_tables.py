@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -15,18 +15,34 @@ from occ_constraints_pkg.bags.table_messages import STAMP, STAMP_AT, TableHead
 from occ_constraints_pkg.errors import OccError
 
 
-class TableMessage(NamedTuple):
-    """What a decoded PointCloud2 would say, as far as anyone asks.
+class TableMessage:
+    """What a PointCloud2 says, as far as anyone asks.
 
     Attributes:
         stamp_ns: of the header, in ns.
         frame_id: of the header.
-        table: its rows; the values are read-only and may be unaligned.
+
+    Args:
+        stamp_ns: see above.
+        frame_id: see above.
+        content: the table, or the decoded message, which need not be one.
     """
 
-    stamp_ns: int
-    frame_id: str
-    table: Table
+    __slots__ = ('_content', 'frame_id', 'stamp_ns')
+
+    def __init__(self, stamp_ns: int, frame_id: str, content: Any) -> None:
+        self.stamp_ns, self.frame_id, self._content = stamp_ns, frame_id, content
+
+    @property
+    def table(self) -> Table:
+        """Its rows; the values are read-only and may be unaligned.
+
+        Raises:
+            OccError: it is no table.
+        """
+        if not isinstance(self._content, Table):
+            self._content = Table.from_message(self._content)
+        return self._content
 
 
 class TableReader:
@@ -45,11 +61,14 @@ class TableReader:
         self._size = 0
         self._form: _Form | None = None
 
-    def read(self, data: bytes) -> Any:
-        """Return a :class:`TableMessage`, or what ``decode`` returns.
+    def read(self, data: bytes) -> TableMessage:
+        """Return what a message says.
 
         Args:
-            data: a message in CDR, the four bytes of its head included.
+            data: the message in CDR, the four bytes of its head included.
+
+        Raises:
+            Exception: what ``decode`` raises.
         """
         form = self._form
         if form is not None and form.fits(data):
@@ -58,7 +77,9 @@ class TableReader:
         if len(data) == self._size:
             self._form = _form(message, data)
         self._size = len(data)
-        return message
+        header = message.header
+        stamp_ns = header.stamp.sec * 1_000_000_000 + header.stamp.nanosec
+        return TableMessage(stamp_ns, header.frame_id, message)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -8,6 +8,7 @@ import struct
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike, DTypeLike
 
 from occ_constraints_pkg.bags.table import Table
 
@@ -78,28 +79,34 @@ class TableHead:
         self.mask += b'\xff' * len(written)
 
 
-class RowSerializer:
-    """Serializes tables of one row each: PointCloud2 with float64 fields, in CDR.
+class TableSerializer:
+    """Serializes tables that are alike but for their numbers: PointCloud2 in CDR.
 
     Args:
         names: the columns.
         frame_id: of the header.
+        rows: of each table.
+        dtype: float32 or float64.
     """
 
-    def __init__(self, names: Sequence[str], frame_id: str) -> None:
-        table = Table(tuple(names), np.zeros((1, len(names))))
+    def __init__(
+        self, names: Sequence[str], frame_id: str, rows: int = 1, dtype: DTypeLike = np.float64
+    ) -> None:
+        table = Table(tuple(names), np.zeros((rows, len(names)), dtype))
         size = table.values.nbytes
-        head = TableHead(frame_id, 1, 1, table.layout, size, size, size)
+        step = len(names) * table.values.itemsize
+        head = TableHead(frame_id, 1, rows, table.layout, step, size, size)
+        self._dtype = table.values.dtype.newbyteorder('<')
         self._message = head.known + table.packed() + _IS_DENSE
         self._data = slice(len(head.known), len(head.known) + size)
 
-    def serialize(self, values: np.ndarray, stamp_ns: int) -> bytes:
-        """Return the message of one row.
+    def serialize(self, values: ArrayLike, stamp_ns: int) -> bytes:
+        """Return the message of a table.
 
         Args:
-            values: (columns,) numbers.
+            values: (rows, columns) numbers, or (columns,) for one row.
             stamp_ns: of the header, nanoseconds.
         """
         STAMP.pack_into(self._message, STAMP_AT, *divmod(stamp_ns, 10**9))
-        self._message[self._data] = np.asarray(values, dtype='<f8').tobytes()
+        self._message[self._data] = np.asarray(values, dtype=self._dtype).tobytes()
         return bytes(self._message)

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import math
 import time
-from typing import Any
 
 import numpy as np
 from sensor_msgs.msg import PointCloud2
@@ -15,11 +14,13 @@ from occ_constraints_pkg.agents.networks import torch_device
 from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian
 from occ_constraints_pkg.agents.settings import PPOLagrangianConfig
 from occ_constraints_pkg.agents.training import TrainingDirectory
+from occ_constraints_pkg.bags.serialized_tables import TableMessage
 from occ_constraints_pkg.bags.table import Table
 from occ_constraints_pkg.ros.lockstep import Pairing
-from occ_constraints_pkg.ros.messages import table_message, to_nanoseconds
+from occ_constraints_pkg.ros.messages import table_message
 from occ_constraints_pkg.ros.process import OccNode, run_node
 from occ_constraints_pkg.ros.qos import STEPS, VERDICTS, overridable
+from occ_constraints_pkg.ros.table_topics import subscribe_to_tables, table_bytes
 from occ_constraints_pkg.ros.tables import action_table, step_batch
 from occ_constraints_pkg.rules.verdict import Verdict
 from occ_constraints_pkg.worlds.base import World
@@ -70,7 +71,7 @@ class ConstrainedLearner(OccNode):
         self._step_ns = 0
         self._began = 0.0
         self._answered: int | None = None
-        self._answer: PointCloud2 | None = None
+        self._answer: bytes | None = None
         # The newest observation, with its stamp, for which an action has been chosen.
         self._seen: int | None = None
         self._batch: StepBatch | None = None
@@ -86,31 +87,27 @@ class ConstrainedLearner(OccNode):
             PointCloud2, 'training', VERDICTS, qos_overriding_options=overridable()
         )
         self._pairing = Pairing(self._on_step)
-        self._observation = self._listen('observation', self._on_observation)
-        self._costs = self._listen('costs', self._pairing.on_second)
+        topics = {'observation': self._on_observation, 'costs': self._pairing.on_second}
+        self._observation, self._costs = (
+            subscribe_to_tables(self, *item).topic_name for item in topics.items()
+        )
         self.steady_timer(_LOOK_SECONDS, self._watch)
 
-    def _listen(self, topic: str, callback: Any) -> str:
-        subscription = self.create_subscription(
-            PointCloud2, topic, callback, STEPS, qos_overriding_options=overridable()
-        )
-        return subscription.topic_name
-
-    def _on_observation(self, message: PointCloud2) -> None:
+    def _on_observation(self, message: TableMessage) -> None:
         # While the monitor judges, the action is chosen: it does not depend on the cost.
-        stamp = to_nanoseconds(message.header.stamp)
+        stamp = message.stamp_ns
         if self._learner is not None and stamp not in (self._answered, self._seen):
-            self._seen, self._batch = stamp, step_batch(Table.from_message(message))
+            self._seen, self._batch = stamp, step_batch(message.table)
             self._learner.choose(self._batch)
         self._pairing.on_first(message)
 
-    def _on_step(self, observation: PointCloud2, costs: PointCloud2) -> None:
-        stamp = to_nanoseconds(observation.header.stamp)
+    def _on_step(self, observation: TableMessage, costs: TableMessage) -> None:
+        stamp = observation.stamp_ns
         if stamp == self._answered:
             # A repeat: the answer was lost or crossed with it. Nothing is learned twice.
             self._action.publish(self._answer)
             return
-        verdicts = Table.from_message(costs)
+        verdicts = costs.table
         unknown = verdicts.column('verdict') == Verdict.UNKNOWN
         if unknown.all():
             # No cost at all: the step is left open until the monitor knows.
@@ -124,8 +121,8 @@ class ConstrainedLearner(OccNode):
             )
         self._go_on()
         seen = self._batch if stamp == self._seen else None
-        batch = seen or step_batch(Table.from_message(observation))
-        world = observation.header.frame_id
+        batch = seen or step_batch(observation.table)
+        world = observation.frame_id
         learner = self._learner or self._start(world, len(batch.reward))
         if self._answered is None or stamp != self._answered + self._step_ns:
             # First states are those of episode 0 to which no step led, hence without reward.
@@ -133,7 +130,7 @@ class ConstrainedLearner(OccNode):
         updates = learner.updates
         action = learner.act(batch, verdicts.column('cost'))
         answer = action_table(self._kind.action_columns, action)
-        self._answer, self._answered = table_message(answer, stamp, world), stamp
+        self._answer, self._answered = table_bytes(answer, stamp, world), stamp
         self._action.publish(self._answer)
         # An update may have taken long, which is no waiting.
         self._paired = self.steady_seconds()
@@ -183,7 +180,7 @@ class ConstrainedLearner(OccNode):
         if waited < _SILENT_SECONDS:
             return
         first = self._pairing.first
-        is_answered = first is None or to_nanoseconds(first.header.stamp) == self._answered
+        is_answered = first is None or first.stamp_ns == self._answered
         if not self.count_publishers(self._observation):
             problem = f'nobody publishes {self._observation}: there is no simulation'
         elif not self.count_publishers(self._costs):

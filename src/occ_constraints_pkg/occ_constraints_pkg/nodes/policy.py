@@ -10,12 +10,12 @@ from sensor_msgs.msg import PointCloud2
 from occ_constraints_pkg.agents.drivers import find_driver
 from occ_constraints_pkg.agents.policy import GaussianPolicy
 from occ_constraints_pkg.agents.scripted import Driver
-from occ_constraints_pkg.bags.table import Table
+from occ_constraints_pkg.bags.serialized_tables import TableMessage
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.ros.lockstep import Pairing
-from occ_constraints_pkg.ros.messages import table_message, to_nanoseconds
 from occ_constraints_pkg.ros.process import OccNode, run_node
 from occ_constraints_pkg.ros.qos import STEPS, overridable
+from occ_constraints_pkg.ros.table_topics import subscribe_to_tables, table_bytes
 from occ_constraints_pkg.ros.tables import action_table, step_batch
 from occ_constraints_pkg.worlds.base import World
 from occ_constraints_pkg.worlds.registry import world_class
@@ -41,7 +41,7 @@ class Policy(OccNode):
         if self._name.endswith('.npz'):
             GaussianPolicy.load(self._name)
         self._driver: Driver | None = None
-        self._last: tuple[int, PointCloud2] | None = None
+        self._last: tuple[int, bytes] | None = None
         self._kind: type[World] | None = None
         self._action = self.create_publisher(
             PointCloud2, 'action', STEPS, qos_overriding_options=overridable()
@@ -51,18 +51,16 @@ class Policy(OccNode):
         if self._pairing is not None:
             topics['costs'] = self._pairing.on_second
         for topic, callback in topics.items():
-            self.create_subscription(
-                PointCloud2, topic, callback, STEPS, qos_overriding_options=overridable()
-            )
+            subscribe_to_tables(self, topic, callback)
 
-    def _on_observation(self, message: PointCloud2) -> None:
+    def _on_observation(self, message: TableMessage) -> None:
         if self._pairing is not None:
             self._pairing.on_first(message)
         else:
             self._answer(message, None)
 
-    def _answer(self, message: PointCloud2, _costs: PointCloud2 | None) -> None:
-        world, stamp = message.header.frame_id, to_nanoseconds(message.header.stamp)
+    def _answer(self, message: TableMessage, _costs: TableMessage | None) -> None:
+        world, stamp = message.frame_id, message.stamp_ns
         if self._last is not None and stamp == self._last[0]:
             # A repeat: the answer was lost or crossed with it. Nothing is drawn anew.
             self._action.publish(self._last[1])
@@ -71,13 +69,13 @@ class Policy(OccNode):
             self._kind = world_class(world)
             self._driver = find_driver(self._kind, self._name, self._rng, explore=self._explore)
         try:
-            batch = step_batch(Table.from_message(message))
+            batch = step_batch(message.table)
             action = self._driver(batch.observation)
         except OccError as error:
             self.get_logger().error(f'observation ignored: {error}', throttle_duration_sec=1.0)
             return
         answer = action_table(self._kind.action_columns, action)
-        self._last = stamp, table_message(answer, stamp, world)
+        self._last = stamp, table_bytes(answer, stamp, world)
         self._action.publish(self._last[1])
 
 

@@ -11,12 +11,13 @@ from geometry_msgs.msg import Twist
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 
-from occ_constraints_pkg.bags.table import Table
+from occ_constraints_pkg.bags.serialized_tables import TableMessage
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.ros.messages import table_message, to_nanoseconds, to_time
+from occ_constraints_pkg.ros.messages import to_time
 from occ_constraints_pkg.ros.process import OccNode, run_node
 from occ_constraints_pkg.ros.qos import SENSORS, SETTLED_LOOKS, STEPS, overridable
 from occ_constraints_pkg.ros.sensors import RobotSensors, twist_command
+from occ_constraints_pkg.ros.table_topics import subscribe_to_tables, table_bytes
 from occ_constraints_pkg.ros.tables import observation_table
 from occ_constraints_pkg.worlds.crew import HelperError
 from occ_constraints_pkg.worlds.registry import make_world
@@ -66,7 +67,7 @@ class Sim(OccNode):
         self._stamp = time.time_ns()
         self._step_ns = round(self._world.step_seconds * 1e9)
         self._waiting: np.ndarray | None = None
-        self._message: PointCloud2 | None = None
+        self._message: bytes | None = None
         if by_velocity and (robots > 1 or self._world.view_kinds is None):
             raise OccError(
                 f'parameter drive_by_cmd_vel drives one robot of a Safety-Gym task; '
@@ -87,9 +88,7 @@ class Sim(OccNode):
             self.create_subscription(Twist, 'cmd_vel', self._on_velocity, SENSORS)
             self._stop_timer = self.steady_timer(self._velocity_timeout, self._stop)
         else:
-            self.create_subscription(
-                PointCloud2, 'action', self._on_action, STEPS, qos_overriding_options=overridable()
-            )
+            subscribe_to_tables(self, 'action', self._on_action)
         self._looks = 0
         self._start_timer = self.steady_timer(_LOOK_SECONDS, self._start)
         self._repeat_timer = self.steady_timer(repeat_after, self._repeat)
@@ -114,12 +113,12 @@ class Sim(OccNode):
         self._start_timer.cancel()
         self._publish(self._stream.reset())
 
-    def _on_action(self, message: PointCloud2) -> None:
+    def _on_action(self, message: TableMessage) -> None:
         # The answer to an earlier step: a repeat crossed with it on the way.
-        if self._message is None or to_nanoseconds(message.header.stamp) != self._stamp:
+        if self._message is None or message.stamp_ns != self._stamp:
             return
         try:
-            table = Table.from_message(message)
+            table = message.table
             if table.names != self._action_names:
                 raise OccError(
                     f'an action has the columns {", ".join(table.names)}; '
@@ -165,7 +164,7 @@ class Sim(OccNode):
 
     def _publish(self, batch: StepBatch) -> None:
         table = observation_table(self._world.columns, batch)
-        self._message = table_message(table, self._stamp, self._world.name)
+        self._message = table_bytes(table, self._stamp, self._world.name)
         if self._clock_publisher is not None:
             self._clock_publisher.publish(Clock(clock=to_time(self._stamp)))
         self._sensors.publish(self._stamp)

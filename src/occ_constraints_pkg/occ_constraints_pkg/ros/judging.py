@@ -138,7 +138,9 @@ class Judging:
         if rows.repeat and answer is not None:
             # Nothing new: in lock-step somebody may wait for the answer, but a sensor that only
             # repeats itself must not pass for a live one.
-            self._publish(answer, is_new=not self._is_silent)
+            self._publish_costs(answer)
+            if not self._is_silent:
+                self._publish_verdict(answer)
             return
         self._features.renew()
         self._is_silent = False
@@ -149,10 +151,12 @@ class Judging:
             self._unknown(problem)
             return
         judgement = self._rules.rule_set.judge(rows.values)
+        self._answer = answer = _Answer(rows, judgement)
+        # Before anything else: in lock-step somebody waits for it.
+        self._publish_costs(answer)
         self._rules.counts.add_stamped(judgement, rows.stamp_ns)
         self._steady.add(Verdict(judgement.verdict[0]))
-        self._answer = answer = _Answer(rows, judgement)
-        self._publish(answer)
+        self._publish_verdict(answer)
 
     def _on_fault(self, reason: str, stamp_ns: int) -> None:
         if self._is_active:
@@ -160,14 +164,14 @@ class Judging:
             self._stamp_ns = stamp_ns
             self._unknown(reason)
 
-    def _publish(self, answer: _Answer, *, is_new: bool = True) -> None:
-        rule_set, rows, judgement = self._rules.rule_set, answer.rows, answer.judgement
-        self._topics.publish_costs(rule_set, judgement, rows.stamp_ns)
-        if is_new:
-            self.problem = ''
-            self._topics.publish_verdict(
-                rule_set, rows, judgement, self._steady.state, self._features
-            )
+    def _publish_costs(self, answer: _Answer) -> None:
+        self._topics.publish_costs(self._rules.rule_set, answer.judgement, answer.rows.stamp_ns)
+
+    def _publish_verdict(self, answer: _Answer) -> None:
+        self.problem = ''
+        self._topics.publish_verdict(
+            self._rules.rule_set, answer.rows, answer.judgement, self._steady.state, self._features
+        )
 
     def _unknown(self, reason: str) -> None:
         self.problem = reason

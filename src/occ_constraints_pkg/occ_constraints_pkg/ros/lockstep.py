@@ -5,9 +5,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
-from occ_constraints_pkg.ros.messages import to_nanoseconds
+from occ_constraints_pkg.bags.serialized_tables import TableMessage
 
 
 class Pairing:
@@ -21,17 +20,17 @@ class Pairing:
         first: the newest message of the first topic, ``None`` before any.
     """
 
-    def __init__(self, callback: Callable[[Any, Any], None]) -> None:
+    def __init__(self, callback: Callable[[TableMessage, TableMessage], None]) -> None:
         self._callback = callback
-        self.first: Any = None
-        self._second: Any = None
+        self.first: TableMessage | None = None
+        self._second: TableMessage | None = None
 
-    def on_first(self, message: Any) -> None:
+    def on_first(self, message: TableMessage) -> None:
         """Take a message of the first topic."""
         self.first = message
         self._try()
 
-    def on_second(self, message: Any) -> None:
+    def on_second(self, message: TableMessage) -> None:
         """Take a message of the second topic."""
         self._second = message
         self._try()
@@ -40,7 +39,7 @@ class Pairing:
         first, second = self.first, self._second
         if first is None or second is None:
             return
-        if to_nanoseconds(first.header.stamp) != to_nanoseconds(second.header.stamp):
+        if first.stamp_ns != second.stamp_ns:
             return
         self._second = None
         self._callback(first, second)

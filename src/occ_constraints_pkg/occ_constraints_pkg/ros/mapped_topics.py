@@ -5,19 +5,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
-from rclpy.qos import ReliabilityPolicy
-from rclpy.serialization import deserialize_message
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from occ_constraints_pkg.bags.feature_map import FeatureMap
-from occ_constraints_pkg.bags.serialized_tables import TableReader
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.ros.messages import message_class
 from occ_constraints_pkg.ros.process import OccNode
 from occ_constraints_pkg.ros.qos import SENSORS, STEPS, no_events, overridable
+from occ_constraints_pkg.ros.table_topics import reading
 
 _LOOK_SECONDS = 0.2
 _BEST_EFFORT = ReliabilityPolicy.BEST_EFFORT
@@ -33,8 +31,9 @@ class MappedTopics:
     Args:
         node: subscribes.
         feature_map: names the topics.
-        callback: called with the topic as the map writes it, and the message, which may be a
-            :class:`TableMessage`; not after :meth:`close`, though messages may still be under way.
+        callback: called with the topic as the map writes it, and the message, or the
+            :class:`TableMessage` of a table; not after :meth:`close`, though messages may still
+            be under way.
 
     Raises:
         OccError: a topic's name is not valid.
@@ -51,7 +50,7 @@ class MappedTopics:
         self._subscriptions = []
         self._awaited = [topic for topic in feature_map.topics if topic not in self._tables]
         for topic in self._tables:
-            self._subscribe(topic, _TABLE, STEPS, self._decoding(topic))
+            self._subscribe(topic, _TABLE, STEPS)
         self._timer = node.steady_timer(_LOOK_SECONDS, self._look) if self._awaited else None
 
     def close(self) -> None:
@@ -97,43 +96,19 @@ class MappedTopics:
             self._node.destroy_timer(self._timer)
             self._timer = None
 
-    def _decoding(self, topic: str) -> Callable[[bytes], None]:
-        """Return a callback for the serialized tables of a topic."""
-        reader = TableReader(partial(deserialize_message, message_type=message_class(_TABLE)))
-
-        def on_bytes(data: bytes) -> None:
-            if self._closed:
-                return
-            try:
-                message = reader.read(data)
-            except RuntimeError as error:
-                # The middleware drops such a message as well, so this is silence.
-                self._node.get_logger().error(
-                    f'a message on {topic} is damaged: {error}', throttle_duration_sec=1.0
-                )
-                return
-            self._callback(topic, message)
-
-        return on_bytes
-
-    def _subscribe(
-        self,
-        topic: str,
-        msgtype: str,
-        qos: Any,
-        on_bytes: Callable[[bytes], None] | None = None,
-    ) -> None:
+    def _subscribe(self, topic: str, msgtype: str, qos: QoSProfile) -> None:
         def on_message(message: Any) -> None:
             if not self._closed:
                 self._callback(topic, message)
 
+        is_table = topic in self._tables
         self._subscriptions.append(
             self._node.create_subscription(
                 message_class(msgtype),
                 topic,
-                on_bytes or on_message,
+                reading(self._node, topic, on_message) if is_table else on_message,
                 qos,
-                raw=on_bytes is not None,
+                raw=is_table,
                 event_callbacks=no_events(),
                 qos_overriding_options=overridable(),
             )

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from occ_constraints_pkg.bags.table_messages import TABLE_TYPE, RowSerializer
+from occ_constraints_pkg.bags.table_messages import TABLE_TYPE, TableSerializer
 from occ_constraints_pkg.bags.writer import BagWriter
 from occ_constraints_pkg.errors import OccError
 
@@ -116,7 +116,7 @@ def _write(drives: Drives, directory: Path, progress: Callable[[int, int], None]
     episode[drives.beginnings[1:]] = 1.0
     own = np.stack([drives.vehicle, drives.time, np.cumsum(episode)], axis=1)
     rows = np.concatenate([drives.values, own], axis=1)
-    serializer = RowSerializer((*drives.names, *OWN_COLUMNS), FRAME)
+    serializer = TableSerializer((*drives.names, *OWN_COLUMNS), FRAME)
     stamps = drives.stamps_ns.tolist()
     with BagWriter(directory, custom_data=drives.source) as bag:
         for number, (row, stamp) in enumerate(zip(rows, stamps, strict=True)):

@@ -41,17 +41,15 @@ def lidar_readings(
     """
     x, y = offsets
     along_x, along_y, along_z = axes[:, :, :2].transpose(1, 2, 0)
-    ahead, aside = (
-        x * along_x[:, None] + y * along_y[:, None] - (heights * along_z)[:, None]
-    )
+    ahead, aside = x * along_x[:, None] + y * along_y[:, None] - (heights * along_z)[:, None]
     place = np.arctan2(aside, ahead) * (BINS / (2 * np.pi))
     left_edge = np.floor(place)
     share = place - left_edge
     seen = np.empty(ahead.shape, complex)
     seen.real, seen.imag = ahead, aside
-    # To the bin that holds the object, the next, the one before.
+    # To the bin that holds the object, the next, the one before; what is below 0 gives nothing.
     given = np.empty((3, *ahead.shape))
-    given[0] = np.maximum(0.0, MAX_DISTANCE - np.abs(seen)) / MAX_DISTANCE
+    given[0] = (MAX_DISTANCE - np.abs(seen)) / MAX_DISTANCE
     given[1], given[2] = share * given[0], (1 - share) * given[0]
     # Numbers of bins are taken modulo 16.
     bins = _first_bins(lidars, len(axes)) + (

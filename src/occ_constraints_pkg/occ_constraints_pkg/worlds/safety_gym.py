@@ -332,9 +332,7 @@ class SafetyGymWorld(World):
         places, positions = self._objects[rows].T, self._position[rows].T
         return np.subtract(places, positions[:, None], order='C')
 
-    def _observe(
-        self, rows: np.ndarray | slice, sensors: np.ndarray, offsets: np.ndarray
-    ) -> None:
+    def _observe(self, rows: np.ndarray | slice, sensors: np.ndarray, offsets: np.ndarray) -> None:
         """Write the observation of some robots from their (M, s) sensors and their offsets."""
         heights, axes = self.physics.heights(rows), self.physics.axes(rows)
         lidars = lidar_readings(offsets, heights, axes, self._seen_by)

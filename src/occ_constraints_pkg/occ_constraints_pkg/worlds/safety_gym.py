@@ -41,6 +41,7 @@ _FAILURE_REWARD = -10.0
 _REWARD_CLIP = 10.0
 # Below this many robots a process costs more than it brings.
 _ROBOTS_PER_PROCESS = 16
+_Rows = np.ndarray | slice
 
 
 class SafetyGymWorld(World):
@@ -130,9 +131,7 @@ class SafetyGymWorld(World):
             self.robot, self.movable, pillars=pillars, num_envs=num_envs, zeros=zeros
         )
         # What each robot's lidars see, in their order: the goal first, the vase or box last.
-        self._seen_by = tuple(
-            number for number, count in enumerate(self.lidars.values()) for _ in range(count)
-        )
+        self._seen_by = tuple(np.repeat(np.arange(len(self.lidars)), list(self.lidars.values())))
         self._objects = zeros((num_envs, sum(self.lidars.values()), 2))
         self._goal = self._objects[:, 0]
         self._hazards = self._objects[:, 1 : 1 + self.lidars['hazards']]
@@ -234,8 +233,7 @@ class SafetyGymWorld(World):
         reward = (self._to_go[rows] - to_go + reached).clip(-_REWARD_CLIP, _REWARD_CLIP)
         reward[failed] = _FAILURE_REWARD
         self._reward[rows], self._failed[rows], self._reached[rows] = reward, failed, reached
-        self._to_go[rows] = to_go
-        self._true_cost[rows] = self._cost(offsets)
+        self._to_go[rows], self._true_cost[rows] = to_go, self._cost(offsets)
         if failed.any():
             sound = np.arange(self.num_envs)[rows][~failed]
             self._observe(sound, sensors[~failed], offsets[..., ~failed])
@@ -290,13 +288,7 @@ class SafetyGymWorld(World):
                 for place in self._pillars[row]
             ),
             Thing(self.movable.name, 'box', movable[:3].copy(), movable[3:].copy(), half),
-            Thing(
-                'robot',
-                'box',
-                self.physics.position([row])[0],
-                heading,
-                np.array(self.robot.size),
-            ),
+            Thing('robot', 'box', self.physics.position([row])[0], heading, np.array(self.robot.size)),
         )
 
     def action_for(self, row: int, speed: float, turning: float) -> np.ndarray:
@@ -306,9 +298,7 @@ class SafetyGymWorld(World):
         return velocity_action(self.robot, np.array([speed, turning]), now)
 
     @abstractmethod
-    def _distances(
-        self, rows: np.ndarray | slice, offsets: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def _distances(self, rows: _Rows, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return what some robots still have to go, and how far from the goal what matters is.
 
         The reward is the decrease of the first, plus 1 where the second is at most the goal's
@@ -324,15 +314,12 @@ class SafetyGymWorld(World):
         obstacles = np.concatenate([self._position[row : row + 1], self._objects[row, 1:]])
         return self.rules.sample_goal(self.generators[row], obstacles)
 
-    def _offsets(self, rows: np.ndarray | slice) -> np.ndarray:
-        """(2, K, M) x, y of the K objects around each of M robots, from its centre, in m.
+    def _offsets(self, rows: _Rows) -> np.ndarray:
+        """(2, K, M) x, y of the K objects around each of M robots, from its centre, in m."""
+        # Robots come last, as NumPy is quickest over long rows.
+        return np.subtract(self._objects[rows].T, self._position[rows].T[:, None], order='C')
 
-        Robots come last, as NumPy is quickest over long rows.
-        """
-        places, positions = self._objects[rows].T, self._position[rows].T
-        return np.subtract(places, positions[:, None], order='C')
-
-    def _observe(self, rows: np.ndarray | slice, sensors: np.ndarray, offsets: np.ndarray) -> None:
+    def _observe(self, rows: _Rows, sensors: np.ndarray, offsets: np.ndarray) -> None:
         """Write the observation of some robots from their (M, s) sensors and their offsets."""
         heights, axes = self.physics.heights(rows), self.physics.axes(rows)
         lidars = lidar_readings(offsets, heights, axes, self._seen_by)
@@ -359,9 +346,7 @@ class _Goal(SafetyGymWorld):
     lidars: ClassVar = {'goal': 1, 'hazards': 8, 'vases': 1}
     hazard_radius = 0.2
 
-    def _distances(
-        self, rows: np.ndarray | slice, offsets: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def _distances(self, rows: _Rows, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         distance = lengths(*offsets[:, 0])
         return distance, distance
 
@@ -378,9 +363,7 @@ class _Push(SafetyGymWorld):
     lidars: ClassVar = {'goal': 1, 'hazards': 2, 'pillars': 1, 'push_box': 1}
     hazard_radius = 0.3
 
-    def _distances(
-        self, rows: np.ndarray | slice, offsets: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def _distances(self, rows: _Rows, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         height = self.physics.movable[rows, 2]
         to_box = lengths(*offsets[:, -1], height - self.physics.heights(rows))
         to_goal = lengths(*(self._goal[rows] - self._movable[rows]).T, _GOAL_HEIGHT - height)

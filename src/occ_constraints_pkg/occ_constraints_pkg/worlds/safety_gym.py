@@ -207,8 +207,7 @@ class SafetyGymWorld(World):
         self._action[:] = checked_action(action, self.num_envs, self.robot.actions)
         self._crew.share(self.physics.costs, self.advance)
         self._steps += 1
-        failed = self._failed.copy()
-        terminated = failed.copy()
+        failed, terminated = self._failed.copy(), self._failed.copy()
         for row in self._reached.nonzero()[0]:
             place = self._next_goal(row)
             if place is None:
@@ -275,6 +274,7 @@ class SafetyGymWorld(World):
 
     def _things(self, row: int, heading: np.ndarray) -> tuple[Thing, ...]:
         """Return everything around a robot, and itself; its box is wide enough to hold it all."""
+        position = self.physics.position([row])[0]
         movable, half = self.physics.movable[row], 2 * self.movable.half_extents
         goal = standing_cylinder('goal', self._goal[row], GOAL_RADIUS, _GOAL_SIZE)
         return (
@@ -288,7 +288,7 @@ class SafetyGymWorld(World):
                 for place in self._pillars[row]
             ),
             Thing(self.movable.name, 'box', movable[:3].copy(), movable[3:].copy(), half),
-            Thing('robot', 'box', self.physics.position([row])[0], heading, np.array(self.robot.size)),
+            Thing('robot', 'box', position, heading, np.array(self.robot.size)),
         )
 
     def action_for(self, row: int, speed: float, turning: float) -> np.ndarray:

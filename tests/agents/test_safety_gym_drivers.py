@@ -16,10 +16,10 @@ def _driver(world, name):
 
 def _seeing(width, first, bearing, distance=1.5):
     """Return observations of one object each, at some bearings."""
-    objects = distance * np.column_stack([np.cos(bearing), np.sin(bearing)])[:, None]
+    offsets = distance * np.array([np.cos(bearing), np.sin(bearing)])[:, None]
     observation = np.zeros((len(bearing), width))
     axes = np.tile(np.eye(3), (len(bearing), 1, 1))
-    lidar = lidar_readings(np.zeros((len(bearing), 3)), axes, objects, np.zeros(1, dtype=int))
+    lidar = lidar_readings(offsets, 0.0, axes, (0,))
     observation[:, first : first + 16] = lidar[:, 0]
     return observation
 

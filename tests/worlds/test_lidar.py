@@ -13,9 +13,10 @@ def _upright(yaw):
     return matrix_of(quaternion_of_yaw(np.array([yaw])))
 
 
-def _read(position, axes, objects):
-    """Return the lidar that sees all objects."""
-    return lidar_readings(position, axes, objects, np.zeros(objects.shape[1], dtype=int))
+def _read(position, axes, objects, lidars=None):
+    """Return what the lidars read, or the one that sees all objects."""
+    offsets = (objects - position[:, None, :2]).T
+    return lidar_readings(offsets, position[:, 2], axes, lidars or (0,) * objects.shape[1])
 
 
 @given(_NEAR, _NEAR, st.floats(-7, 7), _NEAR, _NEAR)
@@ -55,7 +56,7 @@ def test_each_lidar_reads_the_nearest_of_its_own_objects():
     rng = np.random.default_rng(0)
     position, objects = rng.uniform(-1, 1, (5, 3)), rng.uniform(-2, 2, (5, 4, 2))
     axes = matrix_of(quaternion_of_yaw(rng.uniform(0, 6, 5)))
-    readings = lidar_readings(position, axes, objects, np.array([0, 1, 1, 2]))
+    readings = _read(position, axes, objects, (0, 1, 1, 2))
     alone = [_read(position, axes, objects[:, [number]])[:, 0] for number in range(4)]
     np.testing.assert_array_equal(readings[:, 0], alone[0])
     np.testing.assert_array_equal(readings[:, 1], np.maximum(alone[1], alone[2]))

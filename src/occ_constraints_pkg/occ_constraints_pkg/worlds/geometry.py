@@ -17,28 +17,34 @@ def quaternion_of_yaw(yaw: np.ndarray) -> np.ndarray:
 
 def matrix_of_yaw(yaw: np.ndarray) -> np.ndarray:
     """Return the (N, 3, 3) matrices of rotations about the z axis by (N,) ``yaw`` in rad."""
-    matrix = np.zeros((len(yaw), 3, 3))
-    matrix[:, 0, 0] = matrix[:, 1, 1] = np.cos(yaw)
-    matrix[:, 1, 0] = np.sin(yaw)
-    matrix[:, 0, 1] = -matrix[:, 1, 0]
-    matrix[:, 2, 2] = 1.0
-    return matrix
+    matrix = np.zeros((3, 3, len(yaw)))
+    matrix[0, 0] = matrix[1, 1] = np.cos(yaw)
+    matrix[1, 0] = np.sin(yaw)
+    matrix[0, 1] = -matrix[1, 0]
+    matrix[2, 2] = 1.0
+    return matrix.transpose(2, 0, 1)
 
 
 def matrix_of(quaternion: np.ndarray) -> np.ndarray:
     """Return the (N, 3, 3) matrices of (N, 4) unit quaternions; columns are the body's axes."""
-    w, x, y, z = quaternion.T
-    matrix = np.empty((len(quaternion), 3, 3))
-    matrix[:, 0, 0] = 1 - 2 * (y * y + z * z)
-    matrix[:, 0, 1] = 2 * (x * y - w * z)
-    matrix[:, 0, 2] = 2 * (x * z + w * y)
-    matrix[:, 1, 0] = 2 * (x * y + w * z)
-    matrix[:, 1, 1] = 1 - 2 * (x * x + z * z)
-    matrix[:, 1, 2] = 2 * (y * z - w * x)
-    matrix[:, 2, 0] = 2 * (x * z - w * y)
-    matrix[:, 2, 1] = 2 * (y * z + w * x)
-    matrix[:, 2, 2] = 1 - 2 * (x * x + y * y)
-    return matrix
+    scalar, vector = quaternion.T[0], quaternion.T[1:]
+    # Twice each product of two components.
+    double = 2 * vector
+    xx, yy, zz = vector * double
+    wx, wy, wz = scalar * double
+    xy, yz = vector[:2] * double[1:]
+    xz = vector[0] * double[2]
+    matrix = np.empty((3, 3, len(quaternion)))
+    matrix[0, 0] = 1 - (yy + zz)
+    matrix[0, 1] = xy - wz
+    matrix[0, 2] = xz + wy
+    matrix[1, 0] = xy + wz
+    matrix[1, 1] = 1 - (xx + zz)
+    matrix[1, 2] = yz - wx
+    matrix[2, 0] = xz - wy
+    matrix[2, 1] = yz + wx
+    matrix[2, 2] = 1 - (xx + yy)
+    return matrix.transpose(2, 0, 1)
 
 
 def product(first: np.ndarray, second: np.ndarray) -> np.ndarray:
@@ -55,9 +61,7 @@ def product(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     )
 
 
-def lengths(vectors: np.ndarray) -> np.ndarray:
-    """Return the (N,) lengths of (N, 2) or (N, 3) vectors."""
-    squares = (vectors * vectors).T
-    # Column by column: NumPy takes longer to add up many rows of three.
-    total = squares[0] + squares[1]
-    return np.sqrt(total + squares[2] if len(squares) > 2 else total)
+def lengths(x: np.ndarray, y: np.ndarray, z: np.ndarray | None = None) -> np.ndarray:
+    """Return the (N,) lengths of N vectors with the components ``x``, ``y`` and perhaps ``z``."""
+    squares = x * x + y * y
+    return np.sqrt(squares if z is None else squares + z * z)

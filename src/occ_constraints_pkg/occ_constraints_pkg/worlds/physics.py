@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from itertools import accumulate
 
 import mujoco
 import numpy as np
@@ -80,20 +81,24 @@ class Physics:
         """
         self.robot = robot
         self._kind = movable
-        self._around = float(np.sqrt((movable.half_extents**2).sum()))
+        self._extents = movable.half_extents
+        self._around = float(np.sqrt((self._extents**2).sum()))
         self._alone = _Model(scene_mjcf(robot), num_envs)
         self._together = _Model(scene_mjcf(robot, movable, pillar=pillars > 0), num_envs)
-        # As MuJoCo has them, the clock first, which starts at 0 in every step.
-        nq = len(robot.start)
-        self._robots = zeros((num_envs, 1 + nq + robot.nv))
-        self.qpos, self.qvel = self._robots[:, 1 : 1 + nq], self._robots[:, 1 + nq :]
-        self._movables = zeros((num_envs, _MOVABLE_Q + _MOVABLE_V))
-        self.movable, self.movable_velocity = np.split(self._movables, [_MOVABLE_Q], axis=1)
-        # Where the two are in the state of both together.
-        ends = np.cumsum([1 + nq, _MOVABLE_Q, robot.nv])
-        parts = np.split(np.arange(ends[-1] + _MOVABLE_V), ends)
-        self._robot_columns, self._movable_columns = np.r_[*parts[::2]], np.r_[*parts[1::2]]
+        # As MuJoCo has robot and thing together, the clock first, which starts at 0 in every step.
+        ends = accumulate([1, len(robot.start), _MOVABLE_Q, robot.nv, _MOVABLE_V])
+        q, movable_q, v, movable_v, end = ends
+        self._states = zeros((num_envs, end))
+        self.qpos, self.movable = self._states[:, q:movable_q], self._states[:, movable_q:v]
+        self.qvel, self.movable_velocity = self._states[:, v:movable_v], self._states[:, movable_v:]
+        self._velocities = slice(v, end)
+        # Columns of the state of a robot alone, and which of both together these are.
+        self._robot_columns = (
+            (slice(0, movable_q), slice(0, movable_q)),
+            (slice(movable_q, None), slice(v, movable_v)),
+        )
         self.pillars = zeros((num_envs, pillars, 2))
+        self._sensors = self.model.nsensordata
         self._moves = zeros(num_envs, bool)
         self.costs = zeros(num_envs)
 
@@ -110,6 +115,10 @@ class Physics:
             position[:, :2], position[:, 2] = qpos[:, :2], POINT_HEIGHT
             return position
         return qpos[:, :3]
+
+    def heights(self, rows: np.ndarray | slice = _ALL) -> np.ndarray | float:
+        """Return the (M,) heights of some robots' centres, in m; one for all where it is fixed."""
+        return POINT_HEIGHT if self.robot.is_planar else self.qpos[rows, 2]
 
     def axes(self, rows: np.ndarray | slice = _ALL) -> np.ndarray:
         """Return the (M, 3, 3) axes of some robots' bodies as columns, world frame."""
@@ -158,9 +167,10 @@ class Physics:
         # It first settles into the soft floor.
         self._moves[rows] = True
         state, control = self._alone.inputs(len(rows), steps=1)
-        state[:] = self._robots[rows]
+        for own, whole in self._robot_columns:
+            state[:, own] = self._states[rows, whole]
         control[:] = 0.0
-        return self._columns(self._alone.run(len(rows), steps=1)[1][:, 0])
+        return self._columns(self._alone.run(len(rows), steps=1)[1][:, 0].copy())
 
     def step(self, control: np.ndarray, rows: slice = _ALL) -> tuple[np.ndarray, np.ndarray]:
         """Advance some robots by ten substeps.
@@ -176,75 +186,77 @@ class Physics:
         """
         near = self._near(rows)
         self.costs[rows] = np.where(near, self._together.seconds, self._alone.seconds)
-        robots, movables = self._robots[rows], self._movables[rows]
-        sensors = np.empty((len(control), len(self.robot.sensors)))
-        failed = np.empty(len(control), dtype=bool)
+        states = self._states[rows]
+        after = states.copy()
+        sensors = np.empty((len(states), self._sensors))
         together = near.nonzero()[0]
         count = len(near) - len(together)
         if count:
             # A slice, which is quicker, as long as it can be one.
             alone = (~near).nonzero()[0] if len(together) else _ALL
-            state, controls = self._alone.inputs(count, steps=_STEPS)
-            state[:] = robots[alone]
+            inputs, controls = self._alone.inputs(count, steps=_STEPS)
+            for own, whole in self._robot_columns:
+                inputs[:, own] = states[alone, whole]
             controls[:] = control[alone, None]
-            robots[alone], sensors[alone], failed[alone] = self._run(self._alone, count)
+            reached, readings = self._alone.run(count, steps=_STEPS)
+            for own, whole in self._robot_columns:
+                after[alone, whole] = reached[:, SUBSTEPS - 1, own]
+            sensors[alone] = readings[:, SUBSTEPS]
         if len(together):
-            state, controls = self._together.inputs(len(together), steps=_STEPS)
-            state[:, self._robot_columns] = robots[together]
-            state[:, self._movable_columns] = movables[together]
+            inputs, controls = self._together.inputs(len(together), steps=_STEPS)
+            inputs[:] = states[together]
             controls[:, :, :2] = control[together, None]
             if controls.shape[2] > 2:
                 controls[:, :, 2:4] = self.pillars[rows][together]
                 controls[:, :, 4] = PILLAR_HEIGHT / 2
-            after, sensors[together], failed[together] = self._run(self._together, len(together))
-            robots[together] = after[:, self._robot_columns]
-            movables[together] = after[:, self._movable_columns]
-            speed = np.abs(after[:, self._movable_columns[_MOVABLE_Q:]]).max(axis=1)
-            self._moves[rows][together] = ~(speed <= _REST_SPEED)
+            reached, readings = self._together.run(len(together), steps=_STEPS)
+            after[together] = reached[:, SUBSTEPS - 1]
+            sensors[together] = readings[:, SUBSTEPS]
+        failed = self._blown_up(after, sensors)
+        sensors = self._columns(sensors)
+        after[:, 0] = 0.0
+        if failed.any():
+            sensors[failed] = 0.0
+            after[failed] = states[failed]
+            after[failed, self._velocities] = 0.0
+        states[:] = after
+        if len(together):
+            speed = np.abs(self.movable_velocity[rows]).max(axis=1)
+            self._moves[rows] = ~(speed <= _REST_SPEED)
         return sensors, failed
 
     def _near(self, rows: slice) -> np.ndarray:
         """(M,) bool, the robots that need the full model: not alone within the coming step."""
         position = self.position(rows)
-        speed = lengths(self.qvel[rows, : 2 if self.robot.is_planar else 3])
+        speed = lengths(*self.qvel[rows, : 2 if self.robot.is_planar else 3].T)
         needed = self.robot.reach + SUBSTEPS * self.robot.timestep * speed + _RESERVE
         movable = self.movable[rows]
         offset = position - movable[:, :3]
-        extents = self._kind.half_extents
         # The sphere around the thing is quick to tell; the box around it matters to those within.
         # Comparisons are written so that what is not a number counts as near.
-        near = ~(lengths(offset) > needed + self._around)
+        near = ~(lengths(*offset.T) > needed + self._around)
         close = near.nonzero()[0]
         if len(close):
             axes = matrix_of(movable[close, 3:])
             local = np.abs(np.einsum('ni,nij->nj', offset[close], axes))
-            near[close] = ~(lengths(np.maximum(local - extents, 0.0)) > needed[close])
+            near[close] = ~(lengths(*np.maximum(local - self._extents, 0.0).T) > needed[close])
         if self.pillars.shape[1]:
-            to_pillar = lengths(position[:, :2] - self.pillars[rows, 0])
+            to_pillar = lengths(*(position[:, :2] - self.pillars[rows, 0]).T)
             near |= ~(to_pillar > needed + PILLAR_RADIUS)
         return near | self._moves[rows]
 
-    def _run(self, model: _Model, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Step a model's inputs; return states, sensor columns and failures."""
-        states, readings = model.run(count, steps=_STEPS)
-        after, sensors = states[:, SUBSTEPS - 1], readings[:, SUBSTEPS]
-        # When the numbers blow up MuJoCo resets the state, clock included, or stops. A sum is
-        # finite only if all it adds up is, or if it is far beyond any state here.
+    def _blown_up(self, states: np.ndarray, sensors: np.ndarray) -> np.ndarray:
+        """(M,) bool, the robots whose numbers blew up: MuJoCo resets their state, or stops."""
         timestep = self.robot.timestep
-        sums = after.sum(axis=1) + sensors.sum(axis=1)
-        failed = (np.abs(after[:, 0] - SUBSTEPS * timestep) > timestep / 2) | ~np.isfinite(sums)
-        after[:, 0] = 0.0
-        sensors = self._columns(sensors)
-        if failed.any():
-            sensors[failed] = 0.0
-            after[failed] = model.inputs(count, steps=_STEPS)[0][failed]
-            after[failed, 1 + model.model.nq :] = 0.0
-        return after, sensors, failed
+        # A reset state has another clock. A sum is finite only if all it adds up is, or if it is
+        # far beyond any state here.
+        sums = states.sum(axis=1) + sensors.sum(axis=1)
+        return (np.abs(states[:, 0] - SUBSTEPS * timestep) > timestep / 2) | ~np.isfinite(sums)
 
     def _columns(self, sensors: np.ndarray) -> np.ndarray:
-        """Turn MuJoCo's sensor data into the sensor columns of the observation, as a copy."""
+        """Turn MuJoCo's sensor data into the sensor columns of the observation."""
         if not self.robot.rear_ball:
-            return sensors.copy()
+            return sensors
         ball = matrix_of(sensors[:, -4:]).reshape(len(sensors), 9)
         return np.concatenate([sensors[:, :-4], ball], axis=1)
 

@@ -41,6 +41,7 @@ _FAILURE_REWARD = -10.0
 _REWARD_CLIP = 10.0
 # Below this many robots a process costs more than it brings.
 _ROBOTS_PER_PROCESS = 16
+_Rows = np.ndarray | slice
 
 
 class SafetyGymWorld(World):
@@ -130,7 +131,7 @@ class SafetyGymWorld(World):
             self.robot, self.movable, pillars=pillars, num_envs=num_envs, zeros=zeros
         )
         # What each robot's lidars see, in their order: the goal first, the vase or box last.
-        self._seen_by = np.repeat(np.arange(len(self.lidars)), list(self.lidars.values()))
+        self._seen_by = tuple(np.repeat(np.arange(len(self.lidars)), list(self.lidars.values())))
         self._objects = zeros((num_envs, sum(self.lidars.values()), 2))
         self._goal = self._objects[:, 0]
         self._hazards = self._objects[:, 1 : 1 + self.lidars['hazards']]
@@ -154,7 +155,7 @@ class SafetyGymWorld(World):
             self.generators = robot_generators(seed, self.num_envs)
         if len(rows):
             self.start(rows, self.rules.sample_layout([self.generators[row] for row in rows]))
-        return self._observation.copy(), {'true_cost': self._cost(slice(None))}
+        return self._observation.copy(), {'true_cost': self._cost(self._offsets(slice(None)))}
 
     def start(
         self, rows: np.ndarray, layout: Layout, velocity: np.ndarray | float = 0.0
@@ -177,8 +178,9 @@ class SafetyGymWorld(World):
         self._pillars[rows] = layout.pillars
         self._movable[rows] = layout.movable[:, :2]
         self._steps[rows] = 0
-        self._to_go[rows] = self._distances(rows)[0]
-        self._observe(rows, sensors)
+        offsets = self._offsets(rows)
+        self._to_go[rows] = self._distances(rows, offsets)[0]
+        self._observe(rows, sensors, offsets)
         return self._observation[rows]
 
     def move_goals(self, rows: np.ndarray, places: np.ndarray) -> np.ndarray:
@@ -193,8 +195,9 @@ class SafetyGymWorld(World):
         """
         self._crew.check()
         self._goal[rows] = places
-        self._to_go[rows] = self._distances(rows)[0]
-        self._observe(rows, self._observation[rows, : len(self.robot.sensors)])
+        offsets = self._offsets(rows)
+        self._to_go[rows] = self._distances(rows, offsets)[0]
+        self._observe(rows, self._observation[rows, : len(self.robot.sensors)], offsets)
         return self._observation[rows]
 
     def step(
@@ -204,9 +207,8 @@ class SafetyGymWorld(World):
         self._action[:] = checked_action(action, self.num_envs, self.robot.actions)
         self._crew.share(self.physics.costs, self.advance)
         self._steps += 1
-        failed = self._failed.copy()
-        terminated = failed.copy()
-        for row in np.flatnonzero(self._reached):
+        failed, terminated = self._failed.copy(), self._failed.copy()
+        for row in self._reached.nonzero()[0]:
             place = self._next_goal(row)
             if place is None:
                 terminated[row] = True
@@ -224,18 +226,18 @@ class SafetyGymWorld(World):
         """
         sensors, failed = self.physics.step(self._action[rows], rows)
         self._movable[rows] = self.physics.movable[rows, :2]
-        to_go, to_goal = self._distances(rows)
+        offsets = self._offsets(rows)
+        to_go, to_goal = self._distances(rows, offsets)
         reached = (to_goal <= GOAL_RADIUS) & ~failed
         reward = (self._to_go[rows] - to_go + reached).clip(-_REWARD_CLIP, _REWARD_CLIP)
         reward[failed] = _FAILURE_REWARD
         self._reward[rows], self._failed[rows], self._reached[rows] = reward, failed, reached
-        self._to_go[rows] = to_go
-        self._true_cost[rows] = self._cost(rows)
+        self._to_go[rows], self._true_cost[rows] = to_go, self._cost(offsets)
         if failed.any():
             sound = np.arange(self.num_envs)[rows][~failed]
-            self._observe(sound, sensors[~failed])
+            self._observe(sound, sensors[~failed], offsets[..., ~failed])
         else:
-            self._observe(rows, sensors)
+            self._observe(rows, sensors, offsets)
 
     def restore(self, state: dict[str, np.ndarray | list[str]]) -> None:
         """Go on where a world was when it returned ``state``; see :meth:`World.restore`."""
@@ -272,6 +274,7 @@ class SafetyGymWorld(World):
 
     def _things(self, row: int, heading: np.ndarray) -> tuple[Thing, ...]:
         """Return everything around a robot, and itself; its box is wide enough to hold it all."""
+        position = self.physics.position([row])[0]
         movable, half = self.physics.movable[row], 2 * self.movable.half_extents
         goal = standing_cylinder('goal', self._goal[row], GOAL_RADIUS, _GOAL_SIZE)
         return (
@@ -285,13 +288,7 @@ class SafetyGymWorld(World):
                 for place in self._pillars[row]
             ),
             Thing(self.movable.name, 'box', movable[:3].copy(), movable[3:].copy(), half),
-            Thing(
-                'robot',
-                'box',
-                self.physics.position([row])[0],
-                heading,
-                np.array(self.robot.size),
-            ),
+            Thing('robot', 'box', position, heading, np.array(self.robot.size)),
         )
 
     def action_for(self, row: int, speed: float, turning: float) -> np.ndarray:
@@ -301,7 +298,7 @@ class SafetyGymWorld(World):
         return velocity_action(self.robot, np.array([speed, turning]), now)
 
     @abstractmethod
-    def _distances(self, rows: np.ndarray | slice) -> tuple[np.ndarray, np.ndarray]:
+    def _distances(self, rows: _Rows, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return what some robots still have to go, and how far from the goal what matters is.
 
         The reward is the decrease of the first, plus 1 where the second is at most the goal's
@@ -317,17 +314,21 @@ class SafetyGymWorld(World):
         obstacles = np.concatenate([self._position[row : row + 1], self._objects[row, 1:]])
         return self.rules.sample_goal(self.generators[row], obstacles)
 
-    def _observe(self, rows: np.ndarray | slice, sensors: np.ndarray) -> None:
-        """Write the observation of some robots from their (M, s) sensors and their places."""
-        position, axes = self.physics.position(rows), self.physics.axes(rows)
-        lidars = lidar_readings(position, axes, self._objects[rows], self._seen_by)
+    def _offsets(self, rows: _Rows) -> np.ndarray:
+        """(2, K, M) x, y of the K objects around each of M robots, from its centre, in m."""
+        # Robots come last, as NumPy is quickest over long rows.
+        return np.subtract(self._objects[rows].T, self._position[rows].T[:, None], order='C')
+
+    def _observe(self, rows: _Rows, sensors: np.ndarray, offsets: np.ndarray) -> None:
+        """Write the observation of some robots from their (M, s) sensors and their offsets."""
+        heights, axes = self.physics.heights(rows), self.physics.axes(rows)
+        lidars = lidar_readings(offsets, heights, axes, self._seen_by)
         width = sensors.shape[1]
         self._observation[rows, :width] = sensors
         self._observation[rows, width:] = lidars.reshape(len(sensors), len(self.lidars) * BINS)
 
-    def _cost(self, rows: slice) -> np.ndarray:
-        # Hazards first, robots second: the reduction then runs over whole rows.
-        x, y = self._hazards[rows].T - self._position[rows].T[:, None]
+    def _cost(self, offsets: np.ndarray) -> np.ndarray:
+        x, y = offsets[:, 1 : 1 + self.lidars['hazards']]
         return ((x * x + y * y).min(axis=0) <= self.hazard_radius**2).astype(np.float64)
 
 
@@ -345,8 +346,8 @@ class _Goal(SafetyGymWorld):
     lidars: ClassVar = {'goal': 1, 'hazards': 8, 'vases': 1}
     hazard_radius = 0.2
 
-    def _distances(self, rows: np.ndarray | slice) -> tuple[np.ndarray, np.ndarray]:
-        distance = lengths(self._goal[rows] - self._position[rows])
+    def _distances(self, rows: _Rows, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        distance = lengths(*offsets[:, 0])
         return distance, distance
 
 
@@ -362,11 +363,10 @@ class _Push(SafetyGymWorld):
     lidars: ClassVar = {'goal': 1, 'hazards': 2, 'pillars': 1, 'push_box': 1}
     hazard_radius = 0.3
 
-    def _distances(self, rows: np.ndarray | slice) -> tuple[np.ndarray, np.ndarray]:
-        box = self.physics.movable[rows, :3]
-        goal = np.column_stack([self._goal[rows], np.full(len(box), _GOAL_HEIGHT)])
-        to_box = lengths(box - self.physics.position(rows))
-        to_goal = lengths(goal - box)
+    def _distances(self, rows: _Rows, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        height = self.physics.movable[rows, 2]
+        to_box = lengths(*offsets[:, -1], height - self.physics.heights(rows))
+        to_goal = lengths(*(self._goal[rows] - self._movable[rows]).T, _GOAL_HEIGHT - height)
         return to_box + to_goal, to_goal
 
 

@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Training as a whole: it learns, obeys its limit, ends when told and writes its log."""
 
+import errno
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -135,11 +137,16 @@ def test_a_save_that_fails_leaves_the_earlier_files(tmp_path, monkeypatch):
     directory.save(learner)
     before = {path.name: path.read_bytes() for path in directory.path.iterdir()}
 
-    def full(*_):
-        raise RuntimeError('[enforce fail at inline_container.cc] . PytorchStreamWriter failed')
+    write = Path.write_bytes
 
-    monkeypatch.setattr('torch.save', full)
-    with pytest.raises(OccError, match=r'cannot write .*checkpoint.pt: torch says'):
+    def full(path, content):
+        if 'checkpoint' in path.name:
+            write(path, content[:100])
+            raise OSError(errno.ENOSPC, 'No space left on device')
+        return write(path, content)
+
+    monkeypatch.setattr(Path, 'write_bytes', full)
+    with pytest.raises(OccError, match=r'cannot write .*checkpoint.pt: No space left'):
         directory.save(learner)
     assert {path.name: path.read_bytes() for path in directory.path.iterdir()} == before
 

@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Training as a whole: it learns, obeys its limit, ends when told and writes its log."""
 
+import errno
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +15,8 @@ pytest.importorskip('torch')
 from occ_constraints_pkg.agents.evaluation import evaluate  # noqa: E402
 from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian  # noqa: E402
 from occ_constraints_pkg.agents.rule_cost import RuleCost  # noqa: E402
-from occ_constraints_pkg.agents.settings import PPOLagrangianConfig  # noqa: E402
+from occ_constraints_pkg.agents.run import RunSettings, check  # noqa: E402
+from occ_constraints_pkg.agents.settings import PPOLagrangianConfig, learner_settings  # noqa: E402
 from occ_constraints_pkg.agents.training import TrainingDirectory, TrueCost, train  # noqa: E402
 from occ_constraints_pkg.errors import OccError  # noqa: E402
 from occ_constraints_pkg.rules import Feature, FeatureSpace, Literal, Rule, RuleSet  # noqa: E402
@@ -134,11 +137,16 @@ def test_a_save_that_fails_leaves_the_earlier_files(tmp_path, monkeypatch):
     directory.save(learner)
     before = {path.name: path.read_bytes() for path in directory.path.iterdir()}
 
-    def full(*_):
-        raise RuntimeError('[enforce fail at inline_container.cc] . PytorchStreamWriter failed')
+    write = Path.write_bytes
 
-    monkeypatch.setattr('torch.save', full)
-    with pytest.raises(OccError, match=r'cannot write .*checkpoint.pt: torch says'):
+    def full(path, content):
+        if 'checkpoint' in path.name:
+            write(path, content[:100])
+            raise OSError(errno.ENOSPC, 'No space left on device')
+        return write(path, content)
+
+    monkeypatch.setattr(Path, 'write_bytes', full)
+    with pytest.raises(OccError, match=r'cannot write .*checkpoint.pt: No space left'):
         directory.save(learner)
     assert {path.name: path.read_bytes() for path in directory.path.iterdir()} == before
 
@@ -213,3 +221,46 @@ def test_a_training_stops_when_told(tmp_path):
         is_stopped=lambda: next(calls) >= 30,
     )
     assert 0 < learner.steps <= 30 * 8
+
+
+@pytest.mark.parametrize('content', [b'\xff\xfe\n', b'{"steps": 3\n', b'[1]\n', b'{"a": 1}\n'])
+def test_damaged_metrics_are_refused_in_a_sentence(tmp_path, content):
+    (tmp_path / 'metrics.jsonl').write_bytes(content)
+    with pytest.raises(OccError, match='metrics.jsonl is damaged: allowed is'):
+        TrainingDirectory(tmp_path).history()
+
+
+def test_an_earlier_training_in_the_working_directory_stays_where_it_is(tmp_path, monkeypatch):
+    place = tmp_path / 'here'
+    place.mkdir()
+    (place / 'metrics.jsonl').write_text('')
+    monkeypatch.chdir(place)
+    with pytest.raises(OccError, match='in which this program was started'):
+        TrainingDirectory('.').begin()
+    assert [item.name for item in tmp_path.iterdir()] == ['here']
+
+
+@pytest.mark.parametrize(
+    'setting',
+    [
+        {'hidden': ['a']},
+        {'hidden': [1.5]},
+        {'hidden': [True]},
+        {'log_std_init': float('nan')},
+        {'log_std_init': 1e9},
+        {'multiplier_init': float('inf')},
+        {'actor_lr': float('inf')},
+        {'threads': 100_000},
+    ],
+)
+def test_settings_that_cannot_be_trained_with_are_refused(setting):
+    (name,) = setting
+    with pytest.raises(OccError, match=f'learner setting {name} is .*; allowed is '):
+        learner_settings(setting)
+
+
+@pytest.mark.parametrize('setting', [{'cost_limit': 3}, {'lagrangian': False}, {'decay_steps': 5}])
+def test_a_setting_that_the_training_decides_is_refused_not_ignored(setting):
+    (name,) = setting
+    with pytest.raises(OccError, match=f'{name} is not set by itself here'):
+        check(RunSettings('simple_nav', learner=setting))

@@ -100,3 +100,10 @@ def test_a_batch_is_the_world_and_resets_by_mask():
     assert (fresh[mask] != observation[mask]).any(axis=1).all()
     np.testing.assert_array_equal(info['_cost'], mask)
     envs.close()
+
+
+def test_a_render_mode_may_be_none_and_another_is_refused():
+    for make in (gymnasium.make, gymnasium.make_vec):
+        make(_name('simple_nav'), render_mode=None).close()
+        with pytest.raises(OccError, match='allowed is None'):
+            make(_name('simple_nav'), render_mode='human')

@@ -69,9 +69,15 @@ def set_aside(directory: Path) -> Path:
     """Rename a directory to the first free of ``NAME.1``, ``NAME.2`` ..., and return that.
 
     Raises:
-        OccError: it cannot be renamed.
+        OccError: it cannot be renamed, or the program works in it: what it writes by relative paths
+            would then go to the renamed directory.
     """
     source = directory.resolve()
+    if Path.cwd().is_relative_to(source):
+        raise OccError(
+            f'cannot rename {source}, in which this program was started, to make room; allowed is '
+            'another directory, or a start from elsewhere'
+        )
     for number in itertools.count(1):
         target = source.with_name(f'{source.name}.{number}')
         if not target.exists():

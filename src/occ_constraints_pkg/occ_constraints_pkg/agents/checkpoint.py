@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import io
 import pickle
 from collections.abc import Mapping
 from pathlib import Path
@@ -28,12 +29,11 @@ def write_checkpoint(path: Path | str, state: Mapping[str, Any]) -> None:
     Raises:
         OccError: it cannot be written; the file before stays.
     """
+    # Not straight to the file: of a full disk torch tells positions, the system what is the matter.
+    content = io.BytesIO()
+    torch.save({'format': _FORMAT, **_with_tensors(state)}, content)
     with replacing(path) as draft:
-        try:
-            torch.save({'format': _FORMAT, **_with_tensors(state)}, draft)
-        except RuntimeError as error:
-            # What torch makes of a full disk.
-            raise OSError(f'torch says: {str(error).splitlines()[0]}') from error
+        draft.write_bytes(content.getbuffer())
 
 
 def read_checkpoint(path: Path | str) -> dict[str, Any]:

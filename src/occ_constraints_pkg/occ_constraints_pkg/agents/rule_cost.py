@@ -47,9 +47,17 @@ class RuleCost:
 
     def __call__(self, batch: StepBatch) -> np.ndarray:
         """Return (N,) 1.0 where a robot's state is not SAFE, else 0.0."""
-        judgement = self._rule_set.judge(batch.observation[:, self._places])
+        judgement = self._rule_set.judge(self.features(batch.observation))
         self.counts.add(judgement)
         return judgement.cost
+
+    def features(self, observation: np.ndarray) -> np.ndarray:
+        """Return the (N, features) columns that the rules speak of, in their order.
+
+        Args:
+            observation: (N, k) with the world's columns.
+        """
+        return observation[:, self._places]
 
     def counted(self) -> Constraints:
         """Return the constraints with the counters of this source, for pruning."""

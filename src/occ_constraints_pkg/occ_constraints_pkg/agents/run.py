@@ -184,6 +184,12 @@ def _config(settings: RunSettings, constraints: Constraints | None) -> PPOLagran
         'decay_steps': settings.steps,
         'device': settings.device,
     }
+    for name in settings.learner:
+        if name in chosen:
+            raise OccError(
+                f'learner setting {name} is not set by itself here: it follows from the cost, cost '
+                'limit, steps or device of the training; allowed is to give that'
+            )
     config = learner_settings({**settings.learner, **chosen})
     config.check_steps('steps', settings.steps, settings.robots)
     return config

@@ -4,12 +4,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from occ_constraints_pkg.documents import did_you_mean
 from occ_constraints_pkg.errors import OccError
+
+# More than this many make torch crash rather than refuse.
+_MOST_THREADS = 1024
 
 
 @dataclass(frozen=True)
@@ -95,9 +99,18 @@ class PPOLagrangianConfig:
             'observation_clip',
         ):
             self._require(name, getattr(self, name) > 0, 'above 0')
+        for name in self.__dataclass_fields__:
+            value = getattr(self, name)
+            # Any cost is allowed by a limit without end; nothing can be computed with the others.
+            if isinstance(value, float) and name != 'cost_limit':
+                self._require(name, math.isfinite(value), 'a finite number')
+        # Beyond, actions overflow.
+        self._require('log_std_init', -20 <= self.log_std_init <= 20, 'from -20 to 20')
+        self._require('threads', self.threads <= _MOST_THREADS, f'{_MOST_THREADS} or fewer')
         for name in ('gamma', 'lam'):
             self._require(name, 0 <= getattr(self, name) <= 1, 'from 0 to 1')
-        self._require('hidden', all(width >= 1 for width in self.hidden), 'widths of 1 or more')
+        widths = all(type(width) is int and width >= 1 for width in self.hidden)
+        self._require('hidden', widths, 'whole numbers of 1 or more')
 
     def check_steps(self, name: str, steps: int, robots: int) -> None:
         """Refuse a training that would end before its first update.

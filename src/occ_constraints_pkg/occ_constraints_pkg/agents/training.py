@@ -245,11 +245,16 @@ def read_metrics(path: Path) -> list[dict[str, Any]]:
     """Return the lines of a metrics file; one cut short by a crash is left out.
 
     Raises:
-        OccError: the file cannot be read.
+        OccError: the file cannot be read, or is damaged elsewhere.
     """
     try:
         text = path.read_text(encoding='utf-8') if path.exists() else ''
+        # What follows the last newline was being written.
+        lines = [json.loads(line) for line in text.split('\n')[:-1] if line]
+        if not all(isinstance(line, dict) and 'updates' in line for line in lines):
+            raise ValueError(path)
+        return lines
     except OSError as error:
         raise OccError(f'cannot read {path}: {error.strerror}') from error
-    # What follows the last newline was being written.
-    return [json.loads(line) for line in text.split('\n')[:-1] if line]
+    except ValueError as error:
+        raise OccError(f'{path} is damaged: allowed is one JSON object for each update') from error

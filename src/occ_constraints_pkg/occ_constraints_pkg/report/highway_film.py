@@ -18,6 +18,7 @@ from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 
+from occ_constraints_pkg.agents.rule_cost import RuleCost
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.files import replacing
 from occ_constraints_pkg.rules.constraints_file import Constraints
@@ -88,7 +89,8 @@ def draw_drives(path: Path, drives: Mapping[str, Drive], constraints: Constraint
         constraints: the rules by which each state is judged, if any.
 
     Raises:
-        OccError: the suffix is another one, or the file cannot be written.
+        OccError: the suffix is another one, a rule speaks of what the highway does not show, or
+            the file cannot be written.
     """
     suffix = path.suffix.lower()
     if suffix not in ('.png', '.gif'):
@@ -104,12 +106,12 @@ def draw_drives(path: Path, drives: Mapping[str, Drive], constraints: Constraint
             named.replace(draft)
 
 
-def _violations(drive: Drive, constraints: Constraints | None) -> dict[str, np.ndarray]:
+def _violations(drive: Drive, constraints: Constraints | None) -> dict[str, np.ndarray] | None:
     """Return by the words of each rule that is ever violated where it is, (T,) bool."""
     if constraints is None:
-        return {}
+        return None
     rule_set = constraints.rule_set
-    values = drive.observation[:, : len(rule_set.space.names)].astype(np.float64)
+    values = RuleCost(constraints, Highway).features(drive.observation).astype(np.float64)
     truths = {}
     for index in rule_set.order:
         rule = rule_set.rules[index]
@@ -120,13 +122,13 @@ def _violations(drive: Drive, constraints: Constraints | None) -> dict[str, np.n
 
 
 def _draw_strip(
-    path: Path, drives: Mapping[str, Drive], broken: Mapping[str, Mapping[str, np.ndarray]]
+    path: Path, drives: Mapping[str, Drive], broken: Mapping[str, Mapping[str, np.ndarray] | None]
 ) -> None:
     figure = plt.figure(figsize=(11.0, 3.2 * len(drives)))
     blocks = figure.subfigures(len(drives), 1, squeeze=False)[:, 0]
     for block, (name, drive) in zip(blocks, drives.items(), strict=True):
         road, timeline = _axes(block, name, drive, _SHOTS)
-        _draw_timeline(timeline, drive, broken[name])
+        _draw_timeline(timeline, broken[name])
         last = len(drive.vehicles) - 1
         for axis, step in zip(road, np.linspace(0, last, _SHOTS).astype(int), strict=True):
             _draw_road(axis, drive, step, broken[name])
@@ -136,14 +138,14 @@ def _draw_strip(
 
 
 def _draw_film(
-    path: Path, drives: Mapping[str, Drive], broken: Mapping[str, Mapping[str, np.ndarray]]
+    path: Path, drives: Mapping[str, Drive], broken: Mapping[str, Mapping[str, np.ndarray] | None]
 ) -> None:
     figure = plt.figure(figsize=(10.0, 1.3 * len(drives)))
     blocks = figure.subfigures(len(drives), 1, squeeze=False)[:, 0]
     parts = []
     for block, (name, drive) in zip(blocks, drives.items(), strict=True):
         (road,), timeline = _axes(block, name, drive, 1)
-        _draw_timeline(timeline, drive, broken[name])
+        _draw_timeline(timeline, broken[name])
         parts.append((road, timeline.axvline(0.0, color='black', lw=0.8), drive, broken[name]))
     longest = max(len(drive.vehicles) for drive in drives.values())
     stride = round(_FRAME_SECONDS / Highway.step_seconds)
@@ -180,7 +182,9 @@ def _axes(block: plt.Figure, name: str, drive: Drive, shots: int) -> tuple[Seque
     return road, block.add_subplot(grid[:, 1])
 
 
-def _draw_road(axis: Axes, drive: Drive, step: int, truths: Mapping[str, np.ndarray]) -> None:
+def _draw_road(
+    axis: Axes, drive: Drive, step: int, truths: Mapping[str, np.ndarray] | None
+) -> None:
     """Draw what is around the ego, the right side of the road below."""
     vehicles = drive.vehicles[step]
     here = vehicles[0, 0]
@@ -188,7 +192,7 @@ def _draw_road(axis: Axes, drive: Drive, step: int, truths: Mapping[str, np.ndar
     axis.axhspan(top, bottom, color=_ROAD, lw=0)
     for lane in range(1, drive.lanes):
         axis.axhline(LANE_WIDTH * (lane - 0.5), color=_LINE, lw=1.0, ls=(0, (6, 6)))
-    violated = any(truth[step] for truth in truths.values())
+    violated = any(truth[step] for truth in (truths or {}).values())
     ended = drive.end and step == len(drive.vehicles) - 1
     for index, (x, y, heading) in enumerate(vehicles):
         along = np.array([np.cos(heading), np.sin(heading)])
@@ -211,14 +215,16 @@ def _draw_road(axis: Axes, drive: Drive, step: int, truths: Mapping[str, np.ndar
     )  # fmt: skip
 
 
-def _draw_timeline(axis: Axes, drive: Drive, truths: Mapping[str, np.ndarray]) -> None:
-    """Draw when which rule is violated."""
+def _draw_timeline(axis: Axes, truths: Mapping[str, np.ndarray] | None) -> None:
+    """Draw when which rule is violated; ``None`` where nothing was judged."""
     width = Highway.step_seconds
+    verdict = 'no rules given' if truths is None else 'no violation'
+    truths = truths or {}
     for row, truth in enumerate(truths.values()):
         spans = [(step * width, width) for step in np.flatnonzero(truth)]
         axis.broken_barh(spans, (row - 0.4, 0.8), color=_BAD, lw=0)
     if not truths:
-        axis.text(0.5, 0.5, 'no violation', transform=axis.transAxes, ha='center', fontsize=8)
+        axis.text(0.5, 0.5, verdict, transform=axis.transAxes, ha='center', fontsize=8)
     axis.set_yticks(range(len(truths)), list(truths), fontsize=7)
     axis.set(xlim=(0.0, Highway.max_episode_steps * width), ylim=(len(truths) - 0.4, -0.6))
     axis.tick_params(axis='x', labelsize=7)

@@ -16,6 +16,7 @@ from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
+from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.worlds.base import Column
 from occ_constraints_pkg.worlds.registry import WORLDS, make_world
 
@@ -31,7 +32,8 @@ class WorldEnv(gymnasium.Env):
 
     metadata = {'render_modes': []}  # noqa: RUF012 - as gymnasium has it
 
-    def __init__(self, world: str) -> None:
+    def __init__(self, world: str, render_mode: str | None = None) -> None:
+        _check_render_mode(render_mode)
         self._world = make_world(world, 1, processes=1)
         self.observation_space = _box(self._world.columns)
         self.action_space = _box(self._world.action_columns)
@@ -71,7 +73,9 @@ class WorldVectorEnv(VectorEnv):
 
     metadata = {'autoreset_mode': AutoresetMode.SAME_STEP}  # noqa: RUF012 - as gymnasium has it
 
-    def __init__(self, world: str, num_envs: int = 1, processes: int = 0) -> None:
+    def __init__(
+        self, world: str, num_envs: int = 1, processes: int = 0, render_mode: str | None = None
+    ) -> None:
         """Build the world.
 
         Args:
@@ -79,7 +83,9 @@ class WorldVectorEnv(VectorEnv):
             num_envs: number of robots N.
             processes: processes that step them, this one included; 0 means one per core, fewer for
                 small N.
+            render_mode: ``None``, as libraries pass it; nothing is rendered here.
         """
+        _check_render_mode(render_mode)
         self._world = make_world(world, num_envs, processes=processes)
         self.num_envs = num_envs
         self.single_observation_space = _box(self._world.columns)
@@ -145,6 +151,13 @@ def register_worlds() -> None:
                 vector_entry_point=f'{__name__}:{WorldVectorEnv.__name__}',
                 kwargs={'world': world},
             )
+
+
+def _check_render_mode(render_mode: str | None) -> None:
+    if render_mode is not None:
+        raise OccError(
+            f'render_mode is {render_mode!r}; allowed is None: occ drive draws an episode'
+        )
 
 
 def _box(columns: tuple[Column, ...]) -> spaces.Box:

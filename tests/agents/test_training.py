@@ -62,6 +62,18 @@ def test_the_cost_comes_from_the_source(tmp_path):
     assert history[-1].mean_cost == 20.0
 
 
+def test_a_training_that_diverges_ends_with_a_sentence_and_leaves_what_was_saved(tmp_path):
+    world, directory = LineWorld(8), TrainingDirectory(tmp_path)
+    learner = make_learner(world)
+    options = {'seed': 1, 'directory': directory}
+    train(world, learner, TrueCost(), total_steps=500, **options)
+    before = (tmp_path / 'policy.npz').read_bytes()
+    learner, _ = directory.resume(actor_lr=1e38)
+    with pytest.raises(OccError, match='training has diverged: .* than actor_lr 1e'):
+        train(world, learner, TrueCost(), total_steps=5000, **options)
+    assert (tmp_path / 'policy.npz').read_bytes() == before
+
+
 def test_log_progress_and_end(tmp_path):
     world, told = LineWorld(8), []
     learner, directory = make_learner(world), TrainingDirectory(tmp_path)
@@ -124,6 +136,10 @@ def test_an_earlier_training_is_moved_aside_and_nothing_learned_saves_nothing(tm
     }  # fmt: skip
     before = (run / 'policy.npz').read_bytes()
     again = TrainingDirectory(run)
+    for begin in (again.begin, again.resume):
+        with pytest.raises(OccError, match='another program is writing to'):
+            begin()
+    del directory
     assert again.begin() == tmp_path / 'run.1'
     assert list(run.iterdir()) == []
     assert (tmp_path / 'run.1' / 'policy.npz').read_bytes() == before

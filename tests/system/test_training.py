@@ -217,6 +217,34 @@ def test_fewer_steps_than_one_update_needs_are_refused(make_nodes, rules_of):
     assert [path.name for path in output.iterdir()] == ['metrics.jsonl']
 
 
+def test_a_training_of_another_world_is_not_resumed(make_nodes, rules_of):
+    pytest.importorskip('torch', reason="needs the extra 'train'")
+    from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian
+    from occ_constraints_pkg.agents.settings import PPOLagrangianConfig
+    from occ_constraints_pkg.experiments.witness import Witness
+
+    nodes = make_nodes()
+    rules, output = nodes.folder / 'rules.yaml', nodes.folder / 'training'
+    rules_of['simple_nav'].save(rules)
+    world = world_class('simple_nav')
+    output.mkdir()
+    config = PPOLagrangianConfig(rollout_steps=32)
+    other = PPOLagrangian(config, world.columns, world.action_columns, 'other', seed=0)
+    other.save(
+        output / 'checkpoint.pt', settings={'cost_limit': config.cost_limit, 'rollout_steps': 32}
+    )
+    learner = nodes.start('constrained_learner', output=output, rollout_steps=32, resume=True)
+    nodes.start('monitor', constraints_file=rules)
+    nodes.start('sim', world='simple_nav', num_robots=ROBOTS, wait_for_subscribers=2)
+    with Witness(nodes.domain) as witness:
+        witness.spin_until(lambda: not learner.is_running, 60.0)
+    assert learner.exit_code == 2
+    assert learner.last_words() == (
+        f'error: the training in {output} is one of other, and the simulation is simple_nav; '
+        'allowed is that of the training'
+    )
+
+
 def possible_steps(done, step_ns):
     """Return how many transitions there were, in all ways that the ends of runs may have gone.
 

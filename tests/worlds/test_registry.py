@@ -77,7 +77,8 @@ def test_a_faulty_reset_is_refused(world):
     ('name', 'num_envs', 'processes', 'told'),
     [
         ('PointGaol1', 1, 0, 'the worlds are simple_nav, PointGoal1, PointPush1'),
-        ('simple_nav', 0, 0, 'at least 1'),
+        ('simple_nav', 0, 0, '0 robots; allowed are 1 to 100000'),
+        ('PointGoal1', 100_001, 0, '100001 robots; allowed are 1 to 100000'),
         ('simple_nav', 1, -1, '0 or more'),
     ],
 )

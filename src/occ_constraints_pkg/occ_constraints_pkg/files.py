@@ -4,8 +4,10 @@
 
 from __future__ import annotations
 
+import fcntl
 import itertools
 import os
+import weakref
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -63,6 +65,32 @@ def make_directory(path: str | Path) -> Path:
     except OSError as error:
         raise OccError(f'cannot write to {path}: {error.strerror}') from error
     return Path(path)
+
+
+class DirectoryLock:
+    """Keeps a directory for one writer, until this object or its process is gone."""
+
+    def __init__(self, directory: Path) -> None:
+        """Lock a directory, which may be renamed afterwards.
+
+        Raises:
+            OccError: somebody else has locked it.
+        """
+        try:
+            descriptor = os.open(directory, os.O_RDONLY)
+        except OSError as error:
+            raise OccError(f'cannot write to {directory}: {error.strerror}') from error
+        weakref.finalize(self, os.close, descriptor)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise OccError(
+                f'another program is writing to {directory}; allowed is another directory, or this '
+                'one when that has ended'
+            ) from None
+        except OSError:
+            # Some file systems of networks know no locks.
+            return
 
 
 def set_aside(directory: Path) -> Path:

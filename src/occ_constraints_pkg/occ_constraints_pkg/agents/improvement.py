@@ -13,6 +13,7 @@ from torch import nn
 
 from occ_constraints_pkg.agents.networks import divergence, log_probability
 from occ_constraints_pkg.agents.settings import PPOLagrangianConfig
+from occ_constraints_pkg.errors import OccError
 
 
 class TrainingData(NamedTuple):
@@ -51,6 +52,9 @@ def improve(
 
     Returns:
         Means over the last pass, and the number of passes; see ``TrainingMetrics``.
+
+    Raises:
+        OccError: weights have become infinite, or no numbers at all.
     """
     actor, critic, cost_critic = (networks[name] for name in ('actor', 'critic', 'cost_critic'))
     observation, action, advantage, target, cost_target = data
@@ -83,6 +87,12 @@ def improve(
                 sums += figures * (len(index) / rows)
         passes += 1
         moved = bool(sums[0] > config.target_kl)
+    if not all(weights.isfinite().all() for weights in networks.parameters()):
+        raise OccError(
+            'training has diverged: weights of the networks are no longer finite; allowed are '
+            f'smaller step sizes than actor_lr {config.actor_lr:g} and critic_lr '
+            f'{config.critic_lr:g}, or rewards and costs of a smaller size'
+        )
     kl, policy_loss, value_loss, cost_value_loss = sums.tolist()
     log_std_sum = actor.log_std.sum().item()
     return {

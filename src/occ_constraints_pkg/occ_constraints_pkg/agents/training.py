@@ -15,7 +15,7 @@ import numpy as np
 
 from occ_constraints_pkg.agents.rule_cost import RuleCost
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.files import make_directory, replacing, set_aside
+from occ_constraints_pkg.files import DirectoryLock, make_directory, replacing, set_aside
 from occ_constraints_pkg.worlds.base import World
 from occ_constraints_pkg.worlds.stream import EpisodeStream, StepBatch
 
@@ -117,6 +117,7 @@ class TrainingDirectory:
 
     An earlier training in the same place is moved aside, not overwritten. Policy and checkpoint
     are due after the first update and then every 10 s, so that a crash costs no more than that.
+    From :meth:`begin` or :meth:`resume` on no other training may begin there.
 
     Args:
         path: the directory; made if it is not there.
@@ -133,14 +134,26 @@ class TrainingDirectory:
         self.path = make_directory(path)
         self._settings = dict(settings or {})
         self._saved_at = -math.inf
+        self._lock: DirectoryLock | None = None
 
     def begin(self) -> Path | None:
-        """Make room for a new training; return where an earlier one has been moved, if any."""
+        """Make room for a new training; return where an earlier one has been moved, if any.
+
+        Raises:
+            OccError: another training is writing there, or the directory cannot be moved.
+        """
+        self._claim()
         earlier = None
         if (self.path / self._METRICS).exists():
             earlier = set_aside(self.path)
             make_directory(self.path)
+            self._claim()
         return earlier
+
+    def _claim(self) -> None:
+        # Given up first, for it may be the same one.
+        self._lock = None
+        self._lock = DirectoryLock(self.path)
 
     @property
     def has_checkpoint(self) -> bool:
@@ -160,10 +173,12 @@ class TrainingDirectory:
             the ``settings``.
 
         Raises:
-            OccError: there is no checkpoint, it is damaged, or it was saved with other settings.
+            OccError: there is no checkpoint, it is damaged, it was saved with other settings, or
+                another training is writing there.
         """
         from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian
 
+        self._claim()
         learner, companions = PPOLagrangian.load_all(self.path / self._CHECKPOINT, **changes)
         for name, value in companions['settings'].items():
             if name in self._settings and self._settings[name] != value:

@@ -16,6 +16,7 @@ from occ_constraints_pkg.agents.settings import PPOLagrangianConfig
 from occ_constraints_pkg.agents.training import TrainingDirectory
 from occ_constraints_pkg.bags.serialized_tables import TableMessage
 from occ_constraints_pkg.bags.table import Table
+from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.ros.lockstep import Pairing
 from occ_constraints_pkg.ros.messages import table_message
 from occ_constraints_pkg.ros.process import OccNode, run_node
@@ -146,7 +147,11 @@ class ConstrainedLearner(OccNode):
         self._step_ns = round(kind.step_seconds * 1e9)
         if self._resume and self._directory.has_checkpoint:
             learner, _ = self._directory.resume(device=self._config.device, decay_steps=self._total)
-            learner.policy().check_world(kind.columns, kind.action_columns)
+            if learner.world_name != world:
+                raise OccError(
+                    f'the training in {self._directory.path} is one of {learner.world_name}, and '
+                    f'the simulation is {world}; allowed is that of the training'
+                )
             self.get_logger().info(
                 f'training on {world} goes on from {learner.steps} steps, {learner.updates} updates'
             )

@@ -8,13 +8,16 @@ from occ_constraints_pkg.documents import did_you_mean
 from occ_constraints_pkg.errors import OccError, import_needed
 from occ_constraints_pkg.worlds.base import World
 
+MOST_ROBOTS = 100_000
+"""More do not fit into the memory of usual machines, which would stand still first."""
+
 
 def make_world(name: str, num_envs: int, *, processes: int = 0) -> World:
     """Build a world of ``num_envs`` robots.
 
     Args:
         name: one of :data:`WORLDS`.
-        num_envs: number of robots, at least 1.
+        num_envs: number of robots, from 1 to :data:`MOST_ROBOTS`.
         processes: processes that step them, this one included; 0 means one per core, fewer where
             there are too few robots to share out. Worlds that need no processes ignore it.
 
@@ -22,8 +25,10 @@ def make_world(name: str, num_envs: int, *, processes: int = 0) -> World:
         OccError: there is no such world, a number is out of range, or MuJoCo is not installed.
     """
     world = world_class(name)
-    if num_envs < 1:
-        raise OccError(f'world {name} was asked for {num_envs} robots; at least 1 is allowed')
+    if not 1 <= num_envs <= MOST_ROBOTS:
+        raise OccError(
+            f'world {name} was asked for {num_envs} robots; allowed are 1 to {MOST_ROBOTS}'
+        )
     if processes < 0:
         raise OccError(f'world {name} was asked for {processes} processes; 0 or more are allowed')
     return world(num_envs, processes=processes)

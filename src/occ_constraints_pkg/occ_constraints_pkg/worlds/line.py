@@ -12,9 +12,10 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 
-# How long a process looks for a message, in s, before it goes to sleep: waking up takes a while.
-# It yields to whoever else wants the core meanwhile.
-_PATIENCE = 0.0002
+# How long a process looks for a message, in s, before it goes to sleep: waking up takes a while, on
+# virtual machines above all. It yields to whoever else wants the core meanwhile. Where the message
+# before took longer than that, the next one is likely to as well, and looking is in vain.
+_PATIENCE, _LITTLE_PATIENCE = 0.002, 0.0001
 # How long it sleeps, in ms, before it looks whether there is anything to wait for.
 _SLEEP = 1000
 
@@ -36,6 +37,7 @@ class Line:
         self._socket = socket.socket(fileno=descriptors[0])
         self._socket.setblocking(False)
         self._event, self._other = descriptors[1:]
+        self._patience = _PATIENCE
         self._sleep = select.poll()
         self._sleep.register(self._event, select.POLLIN)
         # No events: it tells when the other end is closed, without being asked to.
@@ -81,16 +83,20 @@ class Line:
         Returns:
             The message; empty once the other end is closed, or where ``is_over`` says so.
         """
-        end = time.monotonic() + _PATIENCE
+        begun = time.monotonic()
         while True:
             try:
-                return self._socket.recv(size)
+                message = self._socket.recv(size)
             except ConnectionError:
                 return b''
             except BlockingIOError:
-                if time.monotonic() < end:
+                if time.monotonic() < begun + self._patience:
                     os.sched_yield()
                     continue
+            else:
+                in_time = time.monotonic() < begun + _PATIENCE
+                self._patience = _PATIENCE if in_time else _LITTLE_PATIENCE
+                return message
             if not self._sleep.poll(_SLEEP) and is_over():
                 return b''
             with suppress(BlockingIOError):

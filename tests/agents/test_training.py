@@ -68,8 +68,8 @@ def test_a_training_that_diverges_ends_with_a_sentence_and_leaves_what_was_saved
     options = {'seed': 1, 'directory': directory}
     train(world, learner, TrueCost(), total_steps=500, **options)
     before = (tmp_path / 'policy.npz').read_bytes()
-    learner, _ = directory.resume(actor_lr=1e38)
-    with pytest.raises(OccError, match='training has diverged: .* than actor_lr 1e'):
+    learner._optimiser.param_groups[0]['lr'] = 1e38
+    with pytest.raises(OccError, match='training has diverged: .* than actor_lr '):
         train(world, learner, TrueCost(), total_steps=5000, **options)
     assert (tmp_path / 'policy.npz').read_bytes() == before
 

@@ -35,7 +35,7 @@ class Stage:
     def publisher(self, topic):
         return self._witness.node.create_publisher(self._kind, topic, self._qos)
 
-    def say(self, stamp, kind=WORLD, world=WORLD.name) -> bool:
+    def say(self, stamp, kind=WORLD, world=WORLD.name, rules='rules') -> bool:
         """Show a step, and what it costs; return whether it has been answered before."""
         from occ_constraints_pkg.ros.table_topics import table_bytes
         from occ_constraints_pkg.ros.tables import COST_COLUMNS, observation_table
@@ -47,7 +47,7 @@ class Stage:
         table = observation_table(kind.columns, batch)
         self._observation.publish(table_bytes(table, stamp, world))
         costs = Table(COST_COLUMNS, np.zeros((ROBOTS, len(COST_COLUMNS))))
-        self._costs.publish(table_bytes(costs, stamp, 'rules'))
+        self._costs.publish(table_bytes(costs, stamp, rules))
         return stamp in self.answers
 
     def wait_for_answer(self, stamp, **options) -> None:
@@ -101,7 +101,7 @@ def test_nothing_is_learned_from_a_step_that_another_node_answered_too(
     assert first['steps'] == ROBOTS
 
 
-def test_a_simulation_besides_and_one_of_another_world_are_told(
+def test_a_second_simulation_other_rules_and_another_world_are_told(
     nodes, witness, stage, start_learner
 ):
     start, _ = start_learner
@@ -112,15 +112,20 @@ def test_a_simulation_besides_and_one_of_another_world_are_told(
         lambda: 'two simulations take turns on /observation' in learner.log.read_text(), 30.0
     )
 
+    stage.wait_for_answer(3 * STEP_NS, rules='others')
+    witness.spin_until(
+        lambda: 'now those of rule set others, before of rules' in learner.log.read_text(), 30.0
+    )
+
     # Like the highways, of which one has a part of the other's scenarios, it has the same columns.
     def has_ended():
-        stage.say(3 * STEP_NS, world='other')
+        stage.say(4 * STEP_NS, world='other')
         return not learner.is_running
 
     witness.spin_until(has_ended, 30.0)
     assert learner.exit_code == 2
     assert 'is one of simple_nav, and the simulation is other' in learner.last_words()
-    assert 3 * STEP_NS not in stage.answers
+    assert 4 * STEP_NS not in stage.answers
     nodes.started.remove(learner)
 
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 import math
 import time
 
-import numpy as np
 from sensor_msgs.msg import PointCloud2
 
 from occ_constraints_pkg.agents.networks import torch_device
@@ -15,15 +14,13 @@ from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian
 from occ_constraints_pkg.agents.settings import PPOLagrangianConfig
 from occ_constraints_pkg.agents.training import TrainingDirectory
 from occ_constraints_pkg.bags.serialized_tables import TableMessage
-from occ_constraints_pkg.bags.table import Table
-from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.ros.lockstep import Pairing
 from occ_constraints_pkg.ros.messages import table_message
 from occ_constraints_pkg.ros.process import OccNode, run_node
 from occ_constraints_pkg.ros.qos import STEPS, VERDICTS, overridable
 from occ_constraints_pkg.ros.rivals import Rivals
 from occ_constraints_pkg.ros.table_topics import subscribe_to_tables, table_bytes
-from occ_constraints_pkg.ros.tables import action_table, step_batch
+from occ_constraints_pkg.ros.tables import action_table, step_batch, training_table
 from occ_constraints_pkg.rules.verdict import Verdict
 from occ_constraints_pkg.worlds.base import World
 from occ_constraints_pkg.worlds.registry import world_class
@@ -72,6 +69,8 @@ class ConstrainedLearner(OccNode):
         self._answer: bytes | None = None
         # Due when another step came in its place.
         self._left: int | None = None
+        # That of the costs learned from last.
+        self._rule_set = ''
         # The newest observation, with its stamp, for which an action has been chosen.
         self._seen: int | None = None
         self._batch: StepBatch | None = None
@@ -98,7 +97,7 @@ class ConstrainedLearner(OccNode):
         # While the monitor judges, the action is chosen: it does not depend on the cost.
         stamp = message.stamp_ns
         if self._learner is not None and stamp not in (self._answered, self._seen):
-            self._check_world(self._learner, message.frame_id)
+            self._directory.check_world(self._learner, message.frame_id)
             self._seen, self._batch = stamp, step_batch(message.table)
             self._learner.choose(self._batch)
         if stamp != self._answered:
@@ -129,6 +128,13 @@ class ConstrainedLearner(OccNode):
                 throttle_duration_sec=5.0,
             )
         self._go_on()
+        if costs.frame_id != self._rule_set:
+            if self._rule_set:
+                self.get_logger().warning(
+                    f'costs are now those of rule set {costs.frame_id}, before of {self._rule_set}',
+                    throttle_duration_sec=5.0,
+                )
+            self._rule_set = costs.frame_id
         seen = self._batch if stamp == self._seen else None
         batch = seen or step_batch(observation.table)
         world = observation.frame_id
@@ -162,7 +168,7 @@ class ConstrainedLearner(OccNode):
         self._step_ns = round(kind.step_seconds * 1e9)
         if self._resume and self._directory.has_checkpoint:
             learner, _ = self._directory.resume(device=self._config.device, decay_steps=self._total)
-            self._check_world(learner, world)
+            self._directory.check_world(learner, world)
             self.get_logger().info(
                 f'training on {world} goes on from {learner.steps} steps, {learner.updates} updates'
             )
@@ -177,13 +183,6 @@ class ConstrainedLearner(OccNode):
         self._learner = learner
         self._began = time.monotonic()
         return learner
-
-    def _check_world(self, learner: PPOLagrangian, world: str) -> None:
-        if learner.world_name != world:
-            raise OccError(
-                f'the training in {self._directory.path} is one of {learner.world_name}, and '
-                f'the simulation is {world}; allowed is that of the training'
-            )
 
     def _interrupt(self, learner: PPOLagrangian, *, is_start: bool) -> None:
         """Begin with a state that is not the successor of the one answered last."""
@@ -230,9 +229,7 @@ class ConstrainedLearner(OccNode):
         self._directory.add(self._learner)
         if self._directory.is_due:
             self._directory.save(self._learner)
-        numbers = metrics.as_dict()
-        values = np.array([list(numbers.values())], dtype=np.float64)
-        self._training.publish(table_message(Table(tuple(numbers), values), stamp))
+        self._training.publish(table_message(training_table(metrics.as_dict()), stamp))
         self.get_logger().info(
             f'{metrics.steps} steps: return {metrics.mean_return:.2f}, '
             f'cost {metrics.mean_cost:.1f}, multiplier {metrics.multiplier:.3f}'

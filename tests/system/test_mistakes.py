@@ -85,6 +85,7 @@ MISTAKES = {
     'player -p bag:=drive -p exclude_regex:=.': 'none of the topics to play',
     'policy -p policy:=nowhere.npz': 'nowhere.npz',
     'sim -p world:=simple_nave': "did you mean 'simple_nav'",
+    'player -p bag:=drive -p start_offset:=1e300': 'got 1e+300; allowed is a number from 0',
     'sim -p num_robots:=0': 'allowed is a whole number from 1',
     'sim -p num_robots:=2.5': 'allowed is a whole number from 1',
     'constrained_learner -p output:=typo.yaml/x': 'cannot write to typo.yaml/x',
@@ -117,6 +118,15 @@ def test_a_parameter_may_lack_its_decimal_point_or_its_brackets(node, files):
     code, text = node('player -p bag:=drive -p rate:=1000 -p topics:=[]')
     assert code == 0, text
     assert 'the recording is over' in text
+
+
+def test_a_time_may_be_so_long_that_it_means_never(nodes, witness):
+    nodes.start('sim', world='simple_nav', repeat_after=1e200, rate=1e-300)
+    nodes.start('recorder', output=nodes.folder / 'bag', max_bag_duration=1e200)
+    nodes.start('monitor', timeout=1e200, max_lead=1e200, warning_horizon=1e200)
+    nodes.start('gate', command_timeout=1e200, timeout=1e200)
+    names = {'sim', 'recorder', 'monitor', 'gate'}
+    witness.spin_until(lambda: set(witness.node.get_node_names()) >= names, 40.0)
 
 
 def test_a_misspelt_parameter_is_pointed_out(node):

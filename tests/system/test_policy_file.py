@@ -59,6 +59,8 @@ def test_every_topic_and_service_of_the_nodes_is_allowed(nodes, witness, rules_o
         ('monitor', '/', {'constraints_file': rules}),
         ('gate', '/', {}),
         ('constrained_learner', '/trained', {'output': nodes.folder / 'training'}),
+        # The learner listens for others that act.
+        ('policy', '/trained', {'policy': 'random'}),
     ]
     for name, namespace, parameters in started:
         nodes.start(name, namespace=namespace, **parameters)

@@ -34,6 +34,23 @@ def test_says_so_and_ends_when_its_helper_is_gone(nodes, started):
     nodes.started.remove(sim)
 
 
+def test_ends_cleanly_when_its_helper_sleeps(nodes, witness, started):
+    sim, helper = started
+    os.kill(helper, signal.SIGSTOP)
+    steps = -1
+
+    def stands():
+        nonlocal steps
+        before, steps = steps, len(witness.heard.true_cost)
+        return steps == before
+
+    # It waits for the helper, if nothing comes for long; otherwise this shows less, but holds.
+    while not stands():
+        witness.spin(1.0)
+    nodes.stop(sim)
+    assert not Path(f'/proc/{helper}').exists()
+
+
 def _children(process):
     children = []
     for entry in Path('/proc').glob('[0-9]*/stat'):

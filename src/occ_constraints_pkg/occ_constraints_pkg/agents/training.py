@@ -150,6 +150,18 @@ class TrainingDirectory:
             self._claim()
         return earlier
 
+    def check_world(self, learner: PPOLagrangian, world: str) -> None:
+        """Refuse to go on in another world than the one that was trained in.
+
+        Raises:
+            OccError: the learner belongs to another world, which may well have the same columns.
+        """
+        if learner.world_name != world:
+            raise OccError(
+                f'the training in {self.path} is one of {learner.world_name}, and '
+                f'the simulation is {world}; allowed is that of the training'
+            )
+
     def _claim(self) -> None:
         # Given up first, for it may be the same one.
         self._lock = None

@@ -7,7 +7,6 @@ from __future__ import annotations
 import math
 import time
 
-import numpy as np
 from sensor_msgs.msg import PointCloud2
 
 from occ_constraints_pkg.agents.networks import torch_device
@@ -15,14 +14,13 @@ from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian
 from occ_constraints_pkg.agents.settings import PPOLagrangianConfig
 from occ_constraints_pkg.agents.training import TrainingDirectory
 from occ_constraints_pkg.bags.serialized_tables import TableMessage
-from occ_constraints_pkg.bags.table import Table
-from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.ros.lockstep import Pairing
 from occ_constraints_pkg.ros.messages import table_message
 from occ_constraints_pkg.ros.process import OccNode, run_node
 from occ_constraints_pkg.ros.qos import STEPS, VERDICTS, overridable
+from occ_constraints_pkg.ros.rivals import Rivals
 from occ_constraints_pkg.ros.table_topics import subscribe_to_tables, table_bytes
-from occ_constraints_pkg.ros.tables import action_table, step_batch
+from occ_constraints_pkg.ros.tables import action_table, step_batch, training_table
 from occ_constraints_pkg.rules.verdict import Verdict
 from occ_constraints_pkg.worlds.base import World
 from occ_constraints_pkg.worlds.registry import world_class
@@ -44,12 +42,8 @@ class ConstrainedLearner(OccNode):
         self._total = self.parameter(
             'total_steps', 1_000_000, 'robot steps after which training ends', low=1
         )
-        self._seconds = self.parameter(
-            'seconds',
-            0.0,
-            'wall time from the first step after which it ends; 0: no limit',
-            low=0.0,
-        )
+        limit = 'wall time from the first step after which it ends; 0: no limit'
+        self._seconds = self.parameter('seconds', 0.0, limit, low=0.0) or math.inf
         self._seed = self.parameter('seed', 0, 'seed of weights and exploration', low=0)
         defaults = PPOLagrangianConfig()
         self._config = PPOLagrangianConfig(
@@ -73,6 +67,10 @@ class ConstrainedLearner(OccNode):
         self._began = 0.0
         self._answered: int | None = None
         self._answer: bytes | None = None
+        # Due when another step came in its place.
+        self._left: int | None = None
+        # That of the costs learned from last.
+        self._rule_set = ''
         # The newest observation, with its stamp, for which an action has been chosen.
         self._seen: int | None = None
         self._batch: StepBatch | None = None
@@ -87,6 +85,7 @@ class ConstrainedLearner(OccNode):
         self._training = self.create_publisher(
             PointCloud2, 'training', VERDICTS, qos_overriding_options=overridable()
         )
+        self._rivals = Rivals(self, self._action)
         self._pairing = Pairing(self._on_step)
         topics = {'observation': self._on_observation, 'costs': self._pairing.on_second}
         self._observation, self._costs = (
@@ -98,12 +97,20 @@ class ConstrainedLearner(OccNode):
         # While the monitor judges, the action is chosen: it does not depend on the cost.
         stamp = message.stamp_ns
         if self._learner is not None and stamp not in (self._answered, self._seen):
+            self._directory.check_world(self._learner, message.frame_id)
             self._seen, self._batch = stamp, step_batch(message.table)
             self._learner.choose(self._batch)
+        if stamp != self._answered:
+            self._rivals.expect(stamp, None)
         self._pairing.on_first(message)
 
     def _on_step(self, observation: TableMessage, costs: TableMessage) -> None:
         stamp = observation.stamp_ns
+        if self._rivals.found:
+            # Whose action led on from the step answered last is not known.
+            self._answered = None
+            self._problem = f'another node publishes other actions on {self._action.topic_name}'
+            return
         if stamp == self._answered:
             # A repeat: the answer was lost or crossed with it. Nothing is learned twice.
             self._action.publish(self._answer)
@@ -121,24 +128,38 @@ class ConstrainedLearner(OccNode):
                 throttle_duration_sec=5.0,
             )
         self._go_on()
+        if costs.frame_id != self._rule_set:
+            if self._rule_set:
+                self.get_logger().warning(
+                    f'costs are now those of rule set {costs.frame_id}, before of {self._rule_set}',
+                    throttle_duration_sec=5.0,
+                )
+            self._rule_set = costs.frame_id
         seen = self._batch if stamp == self._seen else None
         batch = seen or step_batch(observation.table)
         world = observation.frame_id
         learner = self._learner or self._start(world, len(batch.reward))
-        if self._answered is None or stamp != self._answered + self._step_ns:
+        due = None if self._answered is None else self._answered + self._step_ns
+        if stamp != due:
+            if stamp == self._left:
+                self.get_logger().warning(
+                    f'two simulations take turns on {self._observation}; allowed is one',
+                    throttle_duration_sec=5.0,
+                )
+            self._left = due
             # First states are those of episode 0 to which no step led, hence without reward.
             self._interrupt(learner, is_start=not (batch.episode.any() or batch.reward.any()))
         updates = learner.updates
         action = learner.act(batch, verdicts.column('cost'))
         answer = action_table(self._kind.action_columns, action)
         self._answer, self._answered = table_bytes(answer, stamp, world), stamp
+        self._rivals.expect(stamp, answer)
         self._action.publish(self._answer)
         # An update may have taken long, which is no waiting.
         self._paired = self.steady_seconds()
         if learner.updates > updates:
             self._report(stamp)
-        limit = self._seconds or math.inf
-        if learner.steps >= self._total or time.monotonic() - self._began >= limit:
+        if learner.steps >= self._total or time.monotonic() - self._began >= self._seconds:
             self.finish()
 
     def _start(self, world: str, robots: int) -> PPOLagrangian:
@@ -147,11 +168,7 @@ class ConstrainedLearner(OccNode):
         self._step_ns = round(kind.step_seconds * 1e9)
         if self._resume and self._directory.has_checkpoint:
             learner, _ = self._directory.resume(device=self._config.device, decay_steps=self._total)
-            if learner.world_name != world:
-                raise OccError(
-                    f'the training in {self._directory.path} is one of {learner.world_name}, and '
-                    f'the simulation is {world}; allowed is that of the training'
-                )
+            self._directory.check_world(learner, world)
             self.get_logger().info(
                 f'training on {world} goes on from {learner.steps} steps, {learner.updates} updates'
             )
@@ -171,7 +188,8 @@ class ConstrainedLearner(OccNode):
         """Begin with a state that is not the successor of the one answered last."""
         if not is_start:
             self.get_logger().warning(
-                'the simulation is under way; its episodes up to here do not count in the means'
+                'the simulation is under way; its episodes up to here do not count in the means',
+                throttle_duration_sec=5.0,
             )
         elif self._answered is not None:
             self.get_logger().warning(
@@ -181,6 +199,7 @@ class ConstrainedLearner(OccNode):
 
     def _watch(self) -> None:
         """Say what is missing while no step comes; runs on the steady clock."""
+        self._rivals.look()
         waited = self.steady_seconds() - self._paired
         if waited < _SILENT_SECONDS:
             return
@@ -210,9 +229,7 @@ class ConstrainedLearner(OccNode):
         self._directory.add(self._learner)
         if self._directory.is_due:
             self._directory.save(self._learner)
-        numbers = metrics.as_dict()
-        values = np.array([list(numbers.values())], dtype=np.float64)
-        self._training.publish(table_message(Table(tuple(numbers), values), stamp))
+        self._training.publish(table_message(training_table(metrics.as_dict()), stamp))
         self.get_logger().info(
             f'{metrics.steps} steps: return {metrics.mean_return:.2f}, '
             f'cost {metrics.mean_cost:.1f}, multiplier {metrics.multiplier:.3f}'

@@ -65,7 +65,7 @@ class Policy(OccNode):
             # A repeat: the answer was lost or crossed with it. Nothing is drawn anew.
             self._action.publish(self._last[1])
             return
-        if self._driver is None:
+        if self._kind is None or self._kind.name != world:
             self._kind = world_class(world)
             self._driver = find_driver(self._kind, self._name, self._rng, explore=self._explore)
         try:

@@ -5,6 +5,8 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import numpy as np
 from geometry_msgs.msg import Twist
@@ -117,7 +119,7 @@ class Sim(OccNode):
         # The answer to an earlier step: a repeat crossed with it on the way.
         if self._message is None or message.stamp_ns != self._stamp:
             return
-        try:
+        with self._ignoring_mistakes():
             table = message.table
             if table.names != self._action_names:
                 raise OccError(
@@ -128,15 +130,22 @@ class Sim(OccNode):
                 self._step(table.values)
             else:
                 self._waiting = table.values
-        except HelperError:
-            raise
-        except OccError as error:
-            self.get_logger().error(f'action ignored: {error}', throttle_duration_sec=1.0)
 
     def _tick(self) -> None:
         action, self._waiting = self._waiting, None
         if action is not None:
-            self._step(action)
+            with self._ignoring_mistakes():
+                self._step(action)
+
+    @contextmanager
+    def _ignoring_mistakes(self) -> Iterator[None]:
+        """Within the block, a mistake in the action is told, and the action is ignored."""
+        try:
+            yield
+        except HelperError:
+            raise
+        except OccError as error:
+            self.get_logger().error(f'action ignored: {error}', throttle_duration_sec=1.0)
 
     def _on_velocity(self, message: Twist) -> None:
         try:

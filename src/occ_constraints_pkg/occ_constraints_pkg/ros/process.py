@@ -41,6 +41,10 @@ from occ_constraints_pkg.stopping import parent_is_gone, stop_request
 _LOOK_SECONDS = 0.2
 # How long the last messages may take to reach subscribers that are there.
 _LEAVE_SECONDS = 1.0
+# Periods that would mean never, for a clock in ns ends after 292 years: this is 30.
+_LONGEST_SECONDS = 1e9
+# So large a number of seconds is still finite in ns.
+_LARGEST = 1e290
 
 # Parameters that rclpy declares by itself.
 _NOT_OURS = ('qos_overrides.', 'start_type_description_service', 'use_sim_time')
@@ -88,8 +92,12 @@ class OccNode(Node):
         return super().create_subscription(msg_type, topic, self._guarded(callback), *args, **kw)
 
     def create_timer(self, timer_period_sec: float, callback: Any, *args: Any, **kw: Any) -> Timer:
-        """Create a timer as :meth:`rclpy.node.Node.create_timer` does, but guarded."""
-        return super().create_timer(timer_period_sec, self._guarded(callback), *args, **kw)
+        """Create a timer as :meth:`rclpy.node.Node.create_timer` does, but guarded.
+
+        It takes periods of any length.
+        """
+        period = min(timer_period_sec, _LONGEST_SECONDS)
+        return super().create_timer(period, self._guarded(callback), *args, **kw)
 
     def steady_timer(self, seconds: float, callback: Callable[[], None]) -> Timer:
         """Create a timer on the steady clock, which runs on when the ROS clock stands still."""
@@ -164,8 +172,8 @@ class OccNode(Node):
             else:
                 descriptor.floating_point_range = [
                     FloatingPointRange(
-                        from_value=-1e300 if low is None else float(low),
-                        to_value=1e300 if high is None else float(high),
+                        from_value=-_LARGEST if low is None else float(low),
+                        to_value=_LARGEST if high is None else float(high),
                     )
                 ]
         self._adapt_override(name, default)

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -68,6 +68,11 @@ def costs_table(judgement: Judgement) -> Table:
     for place, column in enumerate(columns):
         values[:, place] = column
     return Table(COST_COLUMNS, values)
+
+
+def training_table(metrics: Mapping[str, float]) -> Table:
+    """Return the metrics of an update as the table that ``training`` carries: float64, one row."""
+    return Table(tuple(metrics), np.array([list(metrics.values())], dtype=np.float64))
 
 
 def rule_stats_table(counts: RuleCounts) -> Table:

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import struct
 import subprocess
 import sys
@@ -16,7 +17,7 @@ from itertools import accumulate
 import numpy as np
 
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.stopping import PARENT_VARIABLE
+from occ_constraints_pkg.stopping import PARENT_VARIABLE, stop_request
 from occ_constraints_pkg.worlds.line import Line
 from occ_constraints_pkg.worlds.shared_arrays import SharedArrays
 
@@ -209,10 +210,16 @@ class _Helper:
             self._raise()
 
     def wait(self) -> float:
-        answer = self._line.receive(DONE.size)
+        answer = self._line.receive(DONE.size, self._let_end)
         if not answer:
             self._raise()
         return DONE.unpack(answer)[0]
+
+    def _let_end(self) -> bool:
+        # A program that was asked to end lets its step end first, which a stopped helper would not.
+        if stop_request.made:
+            self._process.send_signal(signal.SIGCONT)
+        return False
 
     def kill(self) -> None:
         self._line.close()

@@ -208,8 +208,10 @@ def test_helpers_end_with_the_crew(given_up):
 
 
 PROGRAM = """
-import os, sys, time
+import os, signal, sys, time
 from test_crew import Marked
+# Whatever started the tests may have it ignored, as shells do for what runs in the background.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 world = Marked(4, processes=2)
 world.step()
 if 'fork' in sys.argv and os.fork() == 0:

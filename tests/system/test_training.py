@@ -191,55 +191,56 @@ def test_the_learner_waits_for_a_monitor_that_knows(nodes, witness, rules_of):
     assert says('training goes on after')()
 
 
-def test_fewer_steps_than_one_update_needs_are_refused(make_nodes, rules_of):
+@pytest.fixture
+def words_of_refusal(make_nodes, rules_of):
+    """Return a function that starts a training which must end at once, and returns its words.
+
+    The training's directory is ``output`` of the function, and is there before.
+    """
     pytest.importorskip('torch', reason="needs the extra 'train'")
     from occ_constraints_pkg.experiments.witness import Witness
 
     nodes = make_nodes()
-    rules, output = nodes.folder / 'rules.yaml', nodes.folder / 'training'
+    output, rules = nodes.folder / 'training', nodes.folder / 'rules.yaml'
     rules_of['simple_nav'].save(rules)
     output.mkdir()
+
+    def words(**parameters):
+        learner = nodes.start('constrained_learner', output=output, rollout_steps=32, **parameters)
+        nodes.start('monitor', constraints_file=rules)
+        nodes.start('sim', world='simple_nav', num_robots=ROBOTS, wait_for_subscribers=2)
+        with Witness(nodes.domain) as witness:
+            witness.spin_until(lambda: not learner.is_running, 60.0)
+        assert learner.exit_code == 2
+        return learner.last_words()
+
+    words.output = output
+    return words
+
+
+def test_fewer_steps_than_one_update_needs_are_refused(words_of_refusal):
+    output = words_of_refusal.output
     (output / 'metrics.jsonl').touch()
-    learner = nodes.start(
-        'constrained_learner', output=output, total_steps=32 * ROBOTS - 1, rollout_steps=32
-    )
-    nodes.start('monitor', constraints_file=rules)
-    nodes.start('sim', world='simple_nav', num_robots=ROBOTS, wait_for_subscribers=2)
-    with Witness(nodes.domain) as witness:
-        witness.spin_until(lambda: not learner.is_running, 60.0)
-    assert learner.exit_code == 2
-    assert learner.last_words() == (
+    assert words_of_refusal(total_steps=32 * ROBOTS - 1) == (
         f'error: total_steps is {32 * ROBOTS - 1}, which ends a training before its first update; '
         f'allowed is {32 * ROBOTS} or more: rollout_steps 32 x robots {ROBOTS}'
     )
     # The training that was there has not been moved aside.
-    assert [path.name for path in nodes.folder.glob('training*')] == ['training']
+    assert [path.name for path in output.parent.glob('training*')] == ['training']
     assert [path.name for path in output.iterdir()] == ['metrics.jsonl']
 
 
-def test_a_training_of_another_world_is_not_resumed(make_nodes, rules_of):
-    pytest.importorskip('torch', reason="needs the extra 'train'")
+def test_a_training_of_another_world_is_not_resumed(words_of_refusal):
     from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian
     from occ_constraints_pkg.agents.settings import PPOLagrangianConfig
-    from occ_constraints_pkg.experiments.witness import Witness
 
-    nodes = make_nodes()
-    rules, output = nodes.folder / 'rules.yaml', nodes.folder / 'training'
-    rules_of['simple_nav'].save(rules)
-    world = world_class('simple_nav')
-    output.mkdir()
+    output, world = words_of_refusal.output, world_class('simple_nav')
     config = PPOLagrangianConfig(rollout_steps=32)
     other = PPOLagrangian(config, world.columns, world.action_columns, 'other', seed=0)
     other.save(
         output / 'checkpoint.pt', settings={'cost_limit': config.cost_limit, 'rollout_steps': 32}
     )
-    learner = nodes.start('constrained_learner', output=output, rollout_steps=32, resume=True)
-    nodes.start('monitor', constraints_file=rules)
-    nodes.start('sim', world='simple_nav', num_robots=ROBOTS, wait_for_subscribers=2)
-    with Witness(nodes.domain) as witness:
-        witness.spin_until(lambda: not learner.is_running, 60.0)
-    assert learner.exit_code == 2
-    assert learner.last_words() == (
+    assert words_of_refusal(resume=True) == (
         f'error: the training in {output} is one of other, and the simulation is simple_nav; '
         'allowed is that of the training'
     )

@@ -99,8 +99,8 @@ def test_all_ways_agree_with_a_loop(rule_set, seed):
 @given(ANY_RULES, st.integers(0, 2**32 - 1))
 def test_large_rule_sets_and_small_blocks_agree_too(rule_set, seed):
     with pytest.MonkeyPatch.context() as patch:
-        # Not written as Python, and several blocks with a rest.
-        patch.setattr(ruleset_module, '_LARGEST_TEXT', 0)
+        # Column by column even for few samples, and several blocks with a rest.
+        patch.setattr(ruleset_module, '_FEW_LITERALS', 0)
         patch.setattr(ruleset_module, '_BLOCK', 7)
         patch.setattr(columns_module, '_BLOCK', 0)
         patch.setattr(columns_module, '_FEWEST_ROWS', 11)

@@ -4,14 +4,12 @@
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from occ_constraints_pkg.bags.dataset import Dataset
-from occ_constraints_pkg.rules.rule import Literal, Rule
 from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.rules.verdict import Judgement, Verdict
 
@@ -20,8 +18,6 @@ TIMEOUT_SECONDS = 1.0
 
 BRIDGE_SECONDS = 0.5
 """Two violations of one rule that are no further apart count as one."""
-
-_COMPARE = {'<': operator.lt, '<=': operator.le, '>': operator.gt, '>=': operator.ge}
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,10 +121,10 @@ def make_timeline(
     violations: list[Interval] = []
     for place in rule_set.order.tolist():
         rule = rule_set.rules[place]
-        true = _is_true(rule, values)
+        true = rule.holds(values)
         if true.any():
             margins = np.full(len(data), np.nan)
-            margins[violated] = _margins(rule, values, rule_set.scale)
+            margins[violated] = rule.margins(values, rule_set.scale)
             violations += clock.intervals(place, violated[true], margins)
     violations.sort(key=lambda item: (item.source, item.episode, item.start, item.rule))
     unknown = np.flatnonzero(judgement.verdict == Verdict.UNKNOWN)
@@ -218,20 +214,3 @@ def _runs(joined: np.ndarray, count: int) -> Iterator[tuple[int, int]]:
     if count:
         breaks = np.flatnonzero(~joined)
         yield from zip([0, *(breaks + 1).tolist()], [*breaks.tolist(), count - 1], strict=True)
-
-
-def _is_true(rule: Rule, values: np.ndarray) -> np.ndarray:
-    """(n,) bool: whether all literals of a rule hold."""
-    holds = [_COMPARE[item.operator](values[:, item.feature], item.bound) for item in rule.literals]
-    return np.logical_and.reduce(holds)
-
-
-def _margins(rule: Rule, values: np.ndarray, scale: np.ndarray) -> np.ndarray:
-    """(n,) margins of one rule, the same bits as :meth:`RuleSet.rule_margins` gives."""
-
-    def distance(literal: Literal) -> np.ndarray:
-        numbers = values[:, literal.feature]
-        step = numbers - literal.bound if literal.is_upper else literal.bound - numbers
-        return step / scale[literal.feature]
-
-    return np.maximum.reduce([distance(literal) for literal in rule.literals])

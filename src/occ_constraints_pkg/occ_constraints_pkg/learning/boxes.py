@@ -59,13 +59,6 @@ def simplify_boxes(space: FeatureSpace, boxes: Sequence[Box]) -> list[Box]:
     return _Steps(space, list(boxes)).run()
 
 
-def _reach(literal: Literal) -> float:
-    """Return the last number, seen from inside, that makes the literal true."""
-    if literal.operator in ('<=', '>='):
-        return literal.bound
-    return math.nextafter(literal.bound, -math.inf if literal.is_upper else math.inf)
-
-
 def _touch(low: float, high: float) -> bool:
     """Tell whether no number lies between what ends at ``high`` and what begins at ``low``."""
     return low <= math.nextafter(high, math.inf)
@@ -104,11 +97,11 @@ class _Steps:
 
     def _low(self, box: Box, feature: int) -> float:
         literal = box.ends.get((feature, False))
-        return self.lows[feature] if literal is None else _reach(literal)
+        return self.lows[feature] if literal is None else literal.first
 
     def _high(self, box: Box, feature: int) -> float:
         literal = box.ends.get((feature, True))
-        return self.highs[feature] if literal is None else _reach(literal)
+        return self.highs[feature] if literal is None else literal.first
 
     def _remove(self, gone: Iterable[Box]) -> None:
         numbers = {id(box) for box in gone}
@@ -139,7 +132,7 @@ class _Steps:
                 never.append(box)
                 continue
             for feature, is_upper in list(box.ends):
-                reach = _reach(box.ends[feature, is_upper])
+                reach = box.ends[feature, is_upper].first
                 if reach >= self.highs[feature] if is_upper else reach <= self.lows[feature]:
                     del box.ends[feature, is_upper]
         self._remove(never)
@@ -345,7 +338,7 @@ class _Table:
         self.marks = np.zeros(len(self.boxes), dtype=np.uint64)
         for row, box in enumerate(self.boxes):
             for (feature, is_upper), literal in box.ends.items():
-                (self.high if is_upper else self.low)[row, self.place[feature]] = _reach(literal)
+                (self.high if is_upper else self.low)[row, self.place[feature]] = literal.first
                 self.marks[row] |= self.mark(feature, is_upper)
 
     def mark(self, feature: int, is_upper: bool) -> np.uint64:

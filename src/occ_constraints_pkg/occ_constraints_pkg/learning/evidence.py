@@ -94,8 +94,7 @@ def gather_evidence(
         if (together, literal.is_upper) != group:
             group = together, literal.is_upper
             values, features = _extreme(rows, inside, *group)
-        with np.errstate(over='ignore'):
-            away = values - literal.bound if literal.is_upper else literal.bound - values
+        away = literal.distances(values)
         away[literal.holds(values)] = np.inf
         near = np.flatnonzero(away <= NEAR * rule_set.scale[literal.feature])
         for rule in holders[literal]:

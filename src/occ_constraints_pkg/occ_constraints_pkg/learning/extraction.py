@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from occ_constraints_pkg.learning.tree import Node
-from occ_constraints_pkg.rules.rule import Literal, Rule
+from occ_constraints_pkg.rules.rule import Literal, Rule, split_off_single
 from occ_constraints_pkg.rules.ruleset import RuleSet, rule_ids
 from occ_constraints_pkg.rules.space import FeatureSpace
 
@@ -66,12 +66,16 @@ def extract_rules(
         for operator, bound in (('<', low), ('>', high))
     ]
     conjunctions += [
-        tuple(literal for literal in item if not _is_vacuous(literal, space))
+        tuple(literal for literal in item if not literal.is_always_true(space))
         for item in _outside(root, {}, full_conditions)
     ]
-    conjunctions = [item for item in conjunctions if _is_satisfiable(item, space)]
-    conjunctions = _without_contained(conjunctions)
-    conjunctions.sort(key=len)
+    # Literals that are not strict hold at the bounds of some branch, which samples attained.
+    single, longer = split_off_single(
+        item
+        for item in conjunctions
+        if not any(literal.is_strict and literal.is_never_true(space) for literal in item)
+    )
+    conjunctions = [(literal,) for literal in single] + sorted(longer, key=len)
     ids = rule_ids(space, conjunctions)
     rules = tuple(Rule(name, item) for name, item in zip(ids, conjunctions, strict=True))
     return RuleSet(space, rules, np.asarray(demonstrated, dtype=np.float64))
@@ -117,51 +121,3 @@ def _at_least(feature: int, bound: float) -> tuple[Literal, ...]:
 
 def _at_most(feature: int, bound: float) -> tuple[Literal, ...]:
     return (Literal(feature, '<=', bound),) if bound < np.inf else ()
-
-
-def _is_satisfiable(literals: tuple[Literal, ...], space: FeatureSpace) -> bool:
-    """Tell whether values within the physical bounds make all strict literals true.
-
-    The others hold at the bounds of some branch, which training samples attained.
-    """
-    return all(
-        literal.bound > space.lows[literal.feature]
-        if literal.operator == '<'
-        else literal.bound < space.highs[literal.feature]
-        for literal in literals
-        if literal.operator in ('<', '>')
-    )
-
-
-def _is_vacuous(literal: Literal, space: FeatureSpace) -> bool:
-    """Tell whether every value within the physical bounds makes the literal true."""
-    if literal.operator == '>=':
-        return literal.bound <= space.lows[literal.feature]
-    return literal.operator == '<=' and literal.bound >= space.highs[literal.feature]
-
-
-def _without_contained(conjunctions: list[tuple[Literal, ...]]) -> list[tuple[Literal, ...]]:
-    """Drop conjunctions that imply a rule of one strict literal that is kept."""
-    widest: dict[tuple[int, str], float] = {}
-    for literals in conjunctions:
-        if len(literals) == 1:
-            key = literals[0].feature, literals[0].operator
-            pick = max if literals[0].is_upper else min
-            widest[key] = pick(widest.get(key, literals[0].bound), literals[0].bound)
-    alone = [(Literal(feature, operator, bound),) for (feature, operator), bound in widest.items()]
-    longer = [
-        literals
-        for literals in conjunctions
-        if len(literals) > 1 and not any(_implies(literal, widest) for literal in literals)
-    ]
-    return alone + longer
-
-
-def _implies(literal: Literal, widest: dict[tuple[int, str], float]) -> bool:
-    """Tell whether ``literal`` can only hold where the strict one on the same side holds."""
-    strict = literal.operator[0]
-    bound = widest.get((literal.feature, strict))
-    if bound is None:
-        return False
-    beyond = literal.bound < bound if strict == '<' else literal.bound > bound
-    return beyond or (literal.bound == bound and literal.operator == strict)

@@ -143,7 +143,7 @@ def score_rules(rule_set: RuleSet, values: np.ndarray, true_cost: np.ndarray) ->
         rules.append(
             RuleScore(
                 rule_set.rules[index],
-                score_flags(known & _is_true(rule_set.rules[index], rows), costly),
+                score_flags(known & rule_set.rules[index].holds(rows), costly),
                 int(np.count_nonzero(first)),
                 int(np.count_nonzero(first & costly)),
             )
@@ -154,14 +154,6 @@ def score_rules(rule_set: RuleSet, values: np.ndarray, true_cost: np.ndarray) ->
         unscored,
         tuple(rules),
     )
-
-
-def _is_true(rule: Rule, rows: np.ndarray) -> np.ndarray:
-    """Return (n,) whether all literals of the rule hold."""
-    true = np.ones(len(rows), dtype=bool)
-    for literal in rule.literals:
-        true &= literal.holds(rows[:, literal.feature])
-    return true
 
 
 def _ratio(part: int, whole: int) -> float:

@@ -9,9 +9,8 @@ from functools import cached_property
 
 import numpy as np
 
-from occ_constraints_pkg.rules.formula import Disjunction
+from occ_constraints_pkg.rules.formula import Disjunction, safe_box
 from occ_constraints_pkg.rules.program import Program
-from occ_constraints_pkg.rules.rule import Literal
 from occ_constraints_pkg.rules.space import FeatureSpace
 
 # Numbers per block. Larger ones do not stay in the second-level cache, with smaller ones the
@@ -31,29 +30,12 @@ class Columns:
 
     def __init__(self, space: FeatureSpace, formula: Disjunction, scale: np.ndarray) -> None:
         self._formula, self._scale = formula, scale
-        # The physical bounds, and what the rules of one literal leave of them.
         self._bounds = space.finite_bounds[:, :, None]
-        self._box = self._bounds.copy()
-        for group in formula.ends:
-            for literal in group.literals:
-                self._take_from_box(literal)
-
-    def _take_from_box(self, literal: Literal) -> None:
-        """Take from the box where a literal is true."""
-        (low,), (high,) = self._box[:, literal.feature]
-        with np.errstate(over='ignore'):
-            if literal.is_upper:
-                strict = literal.operator == '<'
-                first = literal.bound if strict else np.nextafter(literal.bound, np.inf)
-                self._box[0, literal.feature] = max(low, first)
-            else:
-                strict = literal.operator == '>'
-                last = literal.bound if strict else np.nextafter(literal.bound, -np.inf)
-                self._box[1, literal.feature] = min(high, last)
+        self._box = safe_box(space, formula)[:, :, None]
 
     @cached_property
     def _truth(self) -> Program:
-        """The truth of the parts; the ends made the box."""
+        """The truth of the parts; the single literals are in the box."""
         return Program(Disjunction((), self._formula.parts), len(self._scale))
 
     @cached_property

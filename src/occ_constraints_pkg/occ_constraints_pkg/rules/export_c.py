@@ -120,7 +120,7 @@ def export_c(rule_set: RuleSet, prefix: str = 'occ') -> str:
     space, rules = rule_set.space, rule_set.rules
     tried = [rules[index].literals for index in rule_set.order]
     literals = [literal for conjunction in tried for literal in conjunction]
-    signs = [-1.0 if literal.is_upper else 1.0 for literal in literals]
+    signs = [literal.sign for literal in literals]
     # An infinite bound becomes the largest double, so that infinite values are UNKNOWN as well.
     largest = np.finfo(np.float64).max
     return _HEADER.format(
@@ -143,7 +143,7 @@ def export_c(rule_set: RuleSet, prefix: str = 'occ') -> str:
         feature=_integers(literal.feature for literal in literals),
         sign=_doubles(signs),
         bound=_doubles(sign * literal.bound for sign, literal in zip(signs, literals, strict=True)),
-        strict=_integers(literal.operator in ('<', '>') for literal in literals),
+        strict=_integers(literal.is_strict for literal in literals),
         scale=_doubles(rule_set.scale[literal.feature] for literal in literals),
     )
 

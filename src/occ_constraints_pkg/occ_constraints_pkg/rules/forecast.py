@@ -62,16 +62,7 @@ class Forecaster:
             raise OccError(f'window: got {window}; allowed is a number of seconds above 0')
         self._rules = rule_set
         self._rows = _Window(len(rule_set.space), window)
-        enabled = [rule_set.rules[place] for place in rule_set.order]
-        literals = [literal for rule in enabled for literal in rule.literals]
-        self._starts = np.cumsum([0, *(len(rule.literals) for rule in enabled[:-1])])
-        self._feature = np.array([literal.feature for literal in literals], dtype=np.intp)
-        # Every literal as sign * x > threshold, the next float below for one that may be equal.
-        self._sign = np.array([-1.0 if literal.is_upper else 1.0 for literal in literals])
-        bounds = self._sign * np.array([literal.bound for literal in literals])
-        strict = np.array([literal.operator in ('<', '>') for literal in literals], dtype=bool)
-        with np.errstate(over='ignore'):
-            self._threshold = np.where(strict, bounds, np.nextafter(bounds, -np.inf))
+        self._table = rule_set.table
 
     def reset(self) -> None:
         """Forget all rows: what comes next does not continue them."""
@@ -100,7 +91,7 @@ class Forecaster:
             return Forecast(0.0, rule, self._nearest(rule))
         # Anything may overflow here, and then nothing is foreseen.
         with np.errstate(all='ignore'):
-            slopes = self._rows.slopes() if len(self._feature) else None
+            slopes = self._rows.slopes() if len(self._table.feature) else None
             return Forecast(math.inf) if slopes is None else self._first(slopes)
 
     def _nearest(self, rule: int) -> int:
@@ -108,30 +99,33 @@ class Forecaster:
         row, scale = self._rows.newest, self._rules.scale
         literals = self._rules.rules[rule].literals
         inside = [
-            abs(row[literal.feature] - literal.bound) / scale[literal.feature]
+            abs(literal.distances(row[literal.feature], scale[literal.feature]))
             for literal in literals
         ]
         return literals[inside.index(min(inside))].feature
 
     def _first(self, slopes: np.ndarray) -> Forecast:
+        table = self._table
+        sign, threshold = table.sign[:, 0], table.threshold[:, 0]
         # Adding 0 leaves no minus zero, by which a distance would change its sign.
-        speed = self._sign * slopes.take(self._feature) + 0.0
-        crossing = (self._threshold - self._sign * self._rows.newest.take(self._feature)) / speed
+        speed = sign * slopes.take(table.feature) + 0.0
+        crossing = (threshold - sign * self._rows.newest.take(table.feature)) / speed
         # Where nothing moves, that is -inf for what is true, inf or NaN for what is not.
         leaves = speed < 0.0
-        begins = np.where(leaves, -np.inf, crossing)
-        ends = np.where(leaves, crossing, np.inf)
-        starts = self._starts
-        begin = np.maximum(np.maximum.reduceat(begins, starts), 0.0)
-        is_reached = begin < np.minimum.reduceat(ends, starts)
+        begins = np.where(leaves, -np.inf, crossing).take(table.members)
+        ends = np.where(leaves, crossing, np.inf).take(table.members)
+        begin = np.maximum(np.maximum.reduceat(begins, table.starts), 0.0)
+        is_reached = begin < np.minimum.reduceat(ends, table.starts)
         times = np.where(is_reached, begin, np.inf)
         place = int(times.argmin())
         seconds = float(times[place])
         if seconds == math.inf:
             return Forecast(seconds)
         rule = int(self._rules.order[place])
-        own = slice(starts[place], starts[place] + len(self._rules.rules[rule].literals))
-        feature = self._feature[own][begins[own].argmax()]
+        own = slice(
+            table.starts[place], table.starts[place] + len(self._rules.rules[rule].literals)
+        )
+        feature = table.feature[table.members[own][begins[own].argmax()]]
         return Forecast(seconds, rule, int(feature))
 
 

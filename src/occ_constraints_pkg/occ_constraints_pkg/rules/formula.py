@@ -10,7 +10,10 @@ from itertools import groupby
 from operator import attrgetter
 from typing import NamedTuple
 
-from occ_constraints_pkg.rules.rule import Literal, Rule
+import numpy as np
+
+from occ_constraints_pkg.rules.rule import Literal, Rule, split_off_single
+from occ_constraints_pkg.rules.space import FeatureSpace
 
 # Common literals are factored out this many times within one another; what is left is evaluated
 # rule by rule, so that neither recursion nor generated code can become too deep.
@@ -62,16 +65,18 @@ def factor(rules: Iterable[Rule]) -> Disjunction:
     return _factor(ordered, _DEEPEST)
 
 
+def safe_box(space: FeatureSpace, formula: Disjunction) -> np.ndarray:
+    """Return (2, k) what the literals that are enough alone leave of the physical bounds."""
+    box = space.finite_bounds.copy()
+    for group in formula.ends:
+        for literal in group.literals:
+            end, pick = (0, max) if literal.is_upper else (1, min)
+            box[end, literal.feature] = pick(box[end, literal.feature], literal.last)
+    return box
+
+
 def _factor(conjunctions: list[tuple[Literal, ...]], levels: int) -> Disjunction:
-    widest: dict[tuple[int, bool], Literal] = {}
-    for literals in conjunctions:
-        if len(literals) == 1 and not _is_implied_by(literals[0], widest):
-            widest[literals[0].feature, literals[0].is_upper] = literals[0]
-    left = [
-        literals
-        for literals in conjunctions
-        if not any(_is_implied_by(literal, widest) for literal in literals)
-    ]
+    single, left = split_off_single(conjunctions)
     shared: dict[object, list[tuple[Literal, ...]]] = {}
     for place, literals in enumerate(left):
         shared.setdefault(literals[0] if levels else place, []).append(literals)
@@ -87,13 +92,7 @@ def _factor(conjunctions: list[tuple[Literal, ...]], levels: int) -> Disjunction
             groups, inner = inner.parts[0]
             condition += [literal for group in groups for literal in group.literals]
         parts.append((_groups(condition), inner))
-    return Disjunction(_groups(widest.values()), tuple(parts))
-
-
-def _is_implied_by(literal: Literal, widest: dict[tuple[int, bool], Literal]) -> bool:
-    """Tell whether one of ``widest`` is true wherever the literal is."""
-    other = widest.get((literal.feature, literal.is_upper))
-    return other is not None and other.contains(literal)
+    return Disjunction(_groups(single), tuple(parts))
 
 
 def _groups(literals: Iterable[Literal]) -> tuple[Group, ...]:

@@ -9,9 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from occ_constraints_pkg.rules.formula import Disjunction, Group
-from occ_constraints_pkg.rules.rule import Literal
-
-_COMPARE = {'<': np.less, '<=': np.less_equal, '>': np.greater, '>=': np.greater_equal}
+from occ_constraints_pkg.rules.rule import COMPARISONS, Literal
 
 
 class _Step(NamedTuple):
@@ -103,7 +101,7 @@ class Program:
     def _write_literal(self, literal: Literal, register: int) -> None:
         feature, bound = literal.feature, self._constant(literal.bound)
         if self._scale is None:
-            self._write(_COMPARE[literal.operator], feature, bound, register)
+            self._write(COMPARISONS[literal.operator], feature, bound, register)
         elif literal.is_upper:
             self._write(np.subtract, feature, bound, register)
         else:

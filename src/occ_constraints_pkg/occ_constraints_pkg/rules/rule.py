@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-import operator
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,13 +13,17 @@ import numpy as np
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.rules.space import FeatureSpace
 
-OPERATORS = ('<', '<=', '>', '>=')
-_COMPARE = {'<': operator.lt, '<=': operator.le, '>': operator.gt, '>=': operator.ge}
+COMPARISONS = {'<': np.less, '<=': np.less_equal, '>': np.greater, '>=': np.greater_equal}
+OPERATORS = tuple(COMPARISONS)
 
 
 @dataclass(frozen=True)
 class Literal:
-    """A comparison of one feature with a bound.
+    """A comparison of one feature with a bound: a half-line, on which the literal is true.
+
+    Everything else that speaks of this half-line is derived here, exactly: ``first`` and ``last``
+    are the neighbouring floats on both sides of its end, and the signed form is
+    ``sign * x > sign * last``.
 
     Attributes:
         feature: position of the feature in its space.
@@ -47,19 +51,64 @@ class Literal:
         """Whether the literal holds for small values: it bounds the feature from above."""
         return self.operator in ('<', '<=')
 
+    @property
+    def is_strict(self) -> bool:
+        """Whether the literal is false at the bound itself."""
+        return self.operator in ('<', '>')
+
+    @property
+    def sign(self) -> float:
+        """1.0 where large values make the literal true, -1.0 where small ones do."""
+        return -1.0 if self.is_upper else 1.0
+
+    @property
+    def first(self) -> float:
+        """The value nearest to the other side that makes the literal true; infinite for none."""
+        return math.nextafter(self.bound, self.sign * math.inf) if self.is_strict else self.bound
+
+    @property
+    def last(self) -> float:
+        """The value nearest to the half-line that makes the literal false; infinite for none."""
+        return self.bound if self.is_strict else math.nextafter(self.bound, -self.sign * math.inf)
+
     def contains(self, other: Literal) -> bool:
         """Tell whether this holds wherever ``other``, of the same feature and side, does."""
         if self.bound == other.bound:
-            return self.operator in ('<=', '>=') or other.operator in ('<', '>')
+            return other.is_strict or not self.is_strict
         return (self.bound > other.bound) == self.is_upper
 
     def text(self, space: FeatureSpace) -> str:
         """Return the literal in symbols with the exact bound, for example ``v_x > 1.46``."""
         return f'{space.names[self.feature]} {self.operator} {float(self.bound)!r}'
 
+    def is_always_true(self, space: FeatureSpace) -> bool:
+        """Tell whether every value within the feature's physical bounds makes the literal true."""
+        low, high = space.finite_bounds[:, self.feature]
+        return bool(self.first >= high if self.is_upper else self.first <= low)
+
+    def is_never_true(self, space: FeatureSpace) -> bool:
+        """Tell whether no value within the feature's physical bounds makes the literal true."""
+        low, high = space.finite_bounds[:, self.feature]
+        return bool(self.first < low if self.is_upper else self.first > high)
+
     def holds(self, values: np.ndarray) -> np.ndarray:
         """Tell for each value (n,) of the feature whether it makes the literal true: (n,) bool."""
-        return _COMPARE[self.operator](values, self.bound)
+        return COMPARISONS[self.operator](values, self.bound)
+
+    def distances(self, values: np.ndarray, scale: float = 1.0) -> np.ndarray:
+        """Return how far values of the feature are from making the literal true.
+
+        Args:
+            values: (n,) values of the feature.
+            scale: the unit of distance.
+
+        Returns:
+            (n,) float64: at most 0 where the literal is true. At the bound itself the distance is
+            0, and whether the literal is strict decides.
+        """
+        with np.errstate(over='ignore'):
+            away = values - self.bound if self.is_upper else self.bound - values
+            return away / scale
 
 
 @dataclass(frozen=True)
@@ -88,6 +137,28 @@ class Rule:
     def __post_init__(self) -> None:
         if not self.literals:
             raise OccError(f'rule {self.id!r} has no literal; it would flag everything')
+
+    def holds(self, rows: np.ndarray) -> np.ndarray:
+        """Tell for each of (n, k) samples whether the rule is true: (n,) bool."""
+        return np.logical_and.reduce(
+            [literal.holds(rows[:, literal.feature]) for literal in self.literals]
+        )
+
+    def margins(self, rows: np.ndarray, scale: np.ndarray) -> np.ndarray:
+        """Return how far samples are from making the rule true.
+
+        Args:
+            rows: (n, k) samples.
+            scale: (k,) the unit of distance of each feature.
+
+        Returns:
+            (n,) float64, the largest distance of a literal: at most 0 where the rule is true.
+        """
+        distances = [
+            literal.distances(rows[:, literal.feature], scale[literal.feature])
+            for literal in self.literals
+        ]
+        return np.maximum.reduce(distances) + 0.0
 
     def formula(self, space: FeatureSpace) -> str:
         """Return the conjunction in symbols, bounds exact."""
@@ -134,9 +205,10 @@ class Rule:
         """Whether two literals exclude each other, so that the rule can never be true."""
         lower, upper = self._tightest()
         for feature in lower.keys() & upper.keys():
+            # Not by `first`: between neighbouring floats lies a number, though no float.
             low, high = lower[feature], upper[feature]
-            both_closed = low.operator == '>=' and high.operator == '<='
-            if low.bound > high.bound or (low.bound == high.bound and not both_closed):
+            is_open = low.is_strict or high.is_strict
+            if low.bound > high.bound or (low.bound == high.bound and is_open):
                 return True
         return False
 
@@ -145,13 +217,41 @@ class Rule:
         # Sorted so that the tightest comes last and stays: at equal bounds the strict one.
         lower = sorted(
             (item for item in self.literals if not item.is_upper),
-            key=lambda item: (item.bound, item.operator == '>'),
+            key=lambda item: (item.bound, item.is_strict),
         )
         upper = sorted(
             (item for item in self.literals if item.is_upper),
-            key=lambda item: (-item.bound, item.operator == '<'),
+            key=lambda item: (-item.bound, item.is_strict),
         )
         return {item.feature: item for item in lower}, {item.feature: item for item in upper}
+
+
+def split_off_single(
+    conjunctions: Iterable[tuple[Literal, ...]],
+) -> tuple[list[Literal], list[tuple[Literal, ...]]]:
+    """Split conjunctions into single literals and those longer ones that no single one implies.
+
+    Returns:
+        For each side of a feature the widest of the conjunctions of one literal, in the order of
+        their first appearance; and the longer conjunctions of which no literal implies one of
+        these: what is left out is true only where something kept is true.
+    """
+    conjunctions = list(conjunctions)
+    widest: dict[tuple[int, bool], Literal] = {}
+    for literals in conjunctions:
+        if len(literals) == 1 and not _is_implied(literals[0], widest):
+            widest[literals[0].feature, literals[0].is_upper] = literals[0]
+    longer = [
+        literals
+        for literals in conjunctions
+        if len(literals) > 1 and not any(_is_implied(literal, widest) for literal in literals)
+    ]
+    return list(widest.values()), longer
+
+
+def _is_implied(literal: Literal, widest: dict[tuple[int, bool], Literal]) -> bool:
+    other = widest.get((literal.feature, literal.is_upper))
+    return other is not None and other.contains(literal)
 
 
 def _short(number: float) -> str:

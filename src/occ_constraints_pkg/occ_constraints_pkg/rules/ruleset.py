@@ -15,18 +15,16 @@ import numpy as np
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.rules.columns import Columns
 from occ_constraints_pkg.rules.formula import Disjunction, factor
-from occ_constraints_pkg.rules.one_by_one import OneByOne
-from occ_constraints_pkg.rules.one_row import OneRow
 from occ_constraints_pkg.rules.rule import Rule
+from occ_constraints_pkg.rules.rule_table import RuleTable
+from occ_constraints_pkg.rules.short_circuit import ShortCircuit
 from occ_constraints_pkg.rules.space import FeatureSpace
 from occ_constraints_pkg.rules.verdict import Judgement, Verdict
 
 # Samples looked at again at a time: keeps the (literals, samples) intermediates in the cache.
 _BLOCK = 1024
-# So few samples are judged one after another, which takes them less time than whole columns.
-_FEW_ROWS = 40
-# Larger rule sets (features and literals) are not written as Python, which would take too long.
-_LARGEST_TEXT = 5000
+# Up to so many literals times samples, one table of all takes less time than column by column.
+_FEW_LITERALS = 5000
 # NumPy takes a plain number much faster than a member of an enumeration.
 _UNKNOWN = int(Verdict.UNKNOWN)
 
@@ -118,6 +116,10 @@ class RuleSet:
         return tuple(self.rules[index] for index in self.order)
 
     @cached_property
+    def _size(self) -> int:
+        return sum(len(rule.literals) for rule in self._enabled)
+
+    @cached_property
     def _formula(self) -> Disjunction:
         return factor(self._enabled)
 
@@ -126,15 +128,13 @@ class RuleSet:
         return Columns(self.space, self._formula, self.scale)
 
     @cached_property
-    def _one_by_one(self) -> OneByOne:
-        return OneByOne(self._enabled, self.scale)
+    def table(self) -> RuleTable:
+        """The enabled rules as arrays, in the order they are tried."""
+        return RuleTable(self._enabled, self.scale)
 
     @cached_property
-    def _one_row(self) -> OneRow | None:
-        size = len(self.space) + sum(len(rule.literals) for rule in self._enabled)
-        if size > _LARGEST_TEXT:
-            return None
-        return OneRow(self.space, self._enabled, self.order, self._formula, self.scale)
+    def _short_circuit(self) -> ShortCircuit:
+        return ShortCircuit(self.space, self._formula)
 
     def judge(self, values: np.ndarray) -> Judgement:
         """Judge samples.
@@ -157,15 +157,17 @@ class RuleSet:
             OccError: the array has another shape.
         """
         rows = self.space.check_rows(values)
-        if len(rows) <= _FEW_ROWS and self._one_row is not None:
-            judged = [self._one_row.judge(row) for row in rows.tolist()]
-            verdict, rule, margin = zip(*judged, strict=True) if judged else ((), (), ())
-            return Judgement(
-                np.array(verdict, dtype=np.int8),
-                np.array(rule, dtype=np.int64),
-                np.array(margin, dtype=np.float64),
+        if len(rows) == 1:
+            return self._judge_one(rows)
+        if len(rows) * self._size <= _FEW_LITERALS:
+            known = self._known(rows)
+            margin = (
+                self.table.margins(rows).min(axis=0)
+                if len(self.order)
+                else np.full(len(rows), np.inf)
             )
-        known, margin = self._columns.margins(rows)
+        else:
+            known, margin = self._columns.margins(rows)
         verdict = np.where(known, Verdict.SAFE, Verdict.UNKNOWN).astype(np.int8)
         rule = np.full(len(rows), -1, dtype=np.int64)
         margin[~known] = np.nan
@@ -173,7 +175,7 @@ class RuleSet:
         near = np.flatnonzero(margin <= 0.0)
         for start in range(0, len(near), _BLOCK):
             block = near[start : start + _BLOCK]
-            truth = self._one_by_one.truth(rows[block])
+            truth = self.table.truth(rows[block])
             violated = truth.any(axis=0)
             rule[block[violated]] = self.order[truth.argmax(axis=0)[violated]]
         verdict[rule >= 0] = Verdict.VIOLATED
@@ -194,10 +196,9 @@ class RuleSet:
         rows = self.space.check_rows(values)
         verdict = np.full(len(rows), Verdict.SAFE, dtype=np.int8)
         failed = np.flatnonzero(~self._columns.passed(rows))
-        lows, highs = self.space.finite_bounds
         for start in range(0, len(failed), _BLOCK):
             block = failed[start : start + _BLOCK]
-            known = ((rows[block] >= lows) & (rows[block] <= highs)).all(axis=1)
+            known = self._known(rows[block])
             verdict[block] = np.where(known, Verdict.VIOLATED, Verdict.UNKNOWN)
         return verdict
 
@@ -211,9 +212,23 @@ class RuleSet:
             OccError: the array has another shape.
         """
         row = np.asarray(sample, dtype=np.float64)
-        if row.shape != (len(self.space),) or self._one_row is None:
-            return Verdict(self.verdicts(row[None])[0])
-        return self._one_row.verdict(row.tolist())
+        if row.shape != (len(self.space),):
+            self.space.check_rows(row[None])
+        return self._short_circuit.verdict(row.tolist())
+
+    def _judge_one(self, rows: np.ndarray) -> Judgement:
+        verdict = self._short_circuit.verdict(rows[0].tolist())
+        rule, margin = -1, np.nan
+        if verdict is not Verdict.UNKNOWN:
+            margin = self.table.margins(rows).min(initial=np.inf) if len(self.order) else np.inf
+            if verdict is Verdict.VIOLATED:
+                rule = self.order[self.table.truth(rows)[:, 0].argmax()]
+        return Judgement(np.array([verdict], np.int8), np.array([rule]), np.array([margin]))
+
+    def _known(self, rows: np.ndarray) -> np.ndarray:
+        """(n,) bool: whether all features are finite and within their physical bounds."""
+        lows, highs = self.space.finite_bounds
+        return ((rows >= lows) & (rows <= highs)).all(axis=1)
 
     def rule_margins(self, sample: np.ndarray) -> np.ndarray:
         """Return each rule's own margin on one sample.
@@ -227,7 +242,7 @@ class RuleSet:
         row = self.space.check_rows(np.asarray(sample, dtype=np.float64)[None])
         margins = np.full(len(self.rules), np.nan)
         if len(self.order):
-            margins[self.order] = self._one_by_one.margins(row)[:, 0]
+            margins[self.order] = self.table.margins(row)[:, 0]
         return margins
 
     def violated_rules(self, sample: np.ndarray) -> np.ndarray:
@@ -235,7 +250,7 @@ class RuleSet:
         row = self.space.check_rows(np.asarray(sample, dtype=np.float64)[None])
         if not len(self.order):
             return self.order
-        return self.order[self._one_by_one.truth(row)[:, 0]]
+        return self.order[self.table.truth(row)[:, 0]]
 
     def with_counts(self, counts: RuleCounts) -> RuleSet:
         """Return the same rules carrying these counters."""

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import settings as effort
 from occ_constraints_pkg.learning.ablation import ablate_depth
 from occ_constraints_pkg.learning.learn import learn
-from occ_constraints_pkg.learning.octree import fit_tree
+from occ_constraints_pkg.learning.safe_set import fit_safe_set
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.rules import Feature, FeatureSpace, Verdict
 from strategies import fit_settings, samples
@@ -19,12 +19,12 @@ def test_a_tree_that_is_cut_is_the_tree_of_that_depth(values, settings):
     family = tuple(range(values.shape[1] - 1))
     families = (family,) if len(family) > 1 else ()
     heeded = families if settings.clip == 'mass' else ()
-    tree = fit_tree(values, replace(settings, max_depth=6), families=families)
+    tree = fit_safe_set(values, replace(settings, max_depth=6), families=families)
     deepest = tree.levels(heeded)
     assert deepest <= 6
     assert tree.cut(deepest, heeded) == tree
     for depth in range(deepest):
-        limited = fit_tree(values, replace(settings, max_depth=depth), families=families)
+        limited = fit_safe_set(values, replace(settings, max_depth=depth), families=families)
         assert tree.cut(depth, heeded) == limited
         assert limited.levels(heeded) == depth
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.learning.learn import learn
-from occ_constraints_pkg.learning.octree import fit_tree
+from occ_constraints_pkg.learning.safe_set import fit_safe_set
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.rules import Feature, FeatureSpace, Verdict
 
@@ -53,7 +53,7 @@ def test_odd_samples(name, settings):
     values = ODD[name]
     with warnings.catch_warnings():
         warnings.simplefilter('error')
-        tree = fit_tree(values, SETTINGS[settings])
+        tree = fit_safe_set(values, SETTINGS[settings])
     numbers = np.asarray(values, dtype=np.float64)
     inside = tree.contains(numbers)
     assert np.mean(~inside) <= MOST_OUTSIDE[settings] + 1e-12
@@ -78,12 +78,12 @@ def test_values_that_are_not_finite_are_refused_with_their_place(bad, settings):
     values = UNIT.copy()
     values[77, 2] = bad
     with pytest.raises(OccError, match=f'sample 77, feature 2 is {bad}; learning takes finite'):
-        fit_tree(values, SETTINGS[settings])
+        fit_safe_set(values, SETTINGS[settings])
 
 
 def test_finite_values_with_an_infinite_sum_are_fine():
     values = np.abs(UNIT) * 1.79e308
-    assert fit_tree(values, OCTreeSettings()).contains(values).all()
+    assert fit_safe_set(values, OCTreeSettings()).contains(values).all()
 
 
 @pytest.mark.parametrize(
@@ -98,12 +98,12 @@ def test_finite_values_with_an_infinite_sum_are_fine():
 )
 def test_what_is_no_table_of_numbers_is_refused(values, sentence):
     with pytest.raises(OccError, match=sentence):
-        fit_tree(values, OCTreeSettings())
+        fit_safe_set(values, OCTreeSettings())
 
 
 @pytest.mark.parametrize(('rows', 'most'), [(3, 0.0), (25, 0.05)])
 def test_a_hundred_thousand_columns(rows, most):
     columns = 100_000 if rows == 3 else 2_000
     values = np.random.default_rng(0).normal(size=(rows, columns))
-    tree = fit_tree(values, OCTreeSettings())
+    tree = fit_safe_set(values, OCTreeSettings())
     assert np.mean(~tree.contains(values)) <= most

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import settings as effort
 from hypothesis import strategies as st
 from occ_constraints_pkg.learning.extraction import extract_rules
-from occ_constraints_pkg.learning.octree import fit_tree
+from occ_constraints_pkg.learning.safe_set import fit_safe_set
 from occ_constraints_pkg.learning.tree import Branch, Node
 from occ_constraints_pkg.rules import Feature, FeatureSpace, Verdict
 from strategies import fit_settings, probes, samples, tree_bounds, trees
@@ -43,7 +43,7 @@ def test_rules_are_the_complement_of_any_tree(tree, full, seed):
 @effort(max_examples=60)
 @given(samples(), fit_settings(), st.booleans(), SEEDS)
 def test_rules_are_the_complement_of_learned_trees(values, settings, has_bounds, seed):
-    tree = fit_tree(values, settings)
+    tree = fit_safe_set(values, settings)
     demonstrated = np.stack([values.min(axis=0), values.max(axis=0)], axis=1)
     limits = demonstrated if has_bounds else np.full(demonstrated.shape, [-np.inf, np.inf])
     space = FeatureSpace(

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from occ_constraints_pkg.bags.feature_map import load_feature_map
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.learning.learn import learn
-from occ_constraints_pkg.learning.octree import fit_tree
+from occ_constraints_pkg.learning.safe_set import fit_safe_set
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.rules import Feature, FeatureSpace, Verdict
 from occ_constraints_pkg.rules.constraints_file import parse_constraints
@@ -54,8 +54,10 @@ def test_the_share_outside_keeps_within_the_contamination(learned):
 def test_a_direction_that_was_hardly_shown_is_not_bounded_tighter(learned):
     """Alone, the first sector would be cut at about half of the others' bound."""
     values, constraints = learned
-    alone = fit_tree(values[:, 1:], OCTreeSettings()).leaf_boxes(4)[0, :, 1]
-    together = fit_tree(values[:, 1:], OCTreeSettings(), families=[range(4)]).leaf_boxes(4)[0, :, 1]
+    alone = fit_safe_set(values[:, 1:], OCTreeSettings()).leaf_boxes(4)[0, :, 1]
+    together = fit_safe_set(values[:, 1:], OCTreeSettings(), families=[range(4)]).leaf_boxes(4)[
+        0, :, 1
+    ]
     assert alone[0] < 0.7 * alone[1]
     assert len(set(together)) == 1
     assert together[0] > alone[0]
@@ -64,7 +66,7 @@ def test_a_direction_that_was_hardly_shown_is_not_bounded_tighter(learned):
 def test_the_article_knows_no_families():
     values = sectors(np.random.default_rng(2), 2000)
     faithful = OCTreeSettings(clip='density')
-    assert fit_tree(values, faithful, families=[range(4)]) == fit_tree(values, faithful)
+    assert fit_safe_set(values, faithful, families=[range(4)]) == fit_safe_set(values, faithful)
 
 
 @given(seed=st.integers(0, 2**32), share=st.floats(0.0, 0.2), sides=st.sampled_from('ulb'))
@@ -77,7 +79,7 @@ def test_no_more_than_the_share_is_left_outside(seed, share, sides):
         values = np.maximum(values, -0.2)
     if sides in 'ub':
         values = np.minimum(values, 0.3)
-    tree = fit_tree(values, OCTreeSettings(contamination=share), families=[range(3)])
+    tree = fit_safe_set(values, OCTreeSettings(contamination=share), families=[range(3)])
     assert np.mean(~tree.contains(values)) <= share + 1e-12
     boxes = tree.leaf_boxes(3)
     assert len(boxes) == 1
@@ -106,7 +108,7 @@ def test_families_are_bounded_alike_where_other_features_split(contamination):
     lanes = rng.normal(size=4000) + 20.0 * rng.integers(0, 2, 4000)
     values = np.column_stack([lanes, sectors(rng, 4000)])
     options = OCTreeSettings(alpha=0.5, contamination=contamination)
-    tree = fit_tree(values, options, families=[range(1, 5)], limits=space_limits())
+    tree = fit_safe_set(values, options, families=[range(1, 5)], limits=space_limits())
     boxes = tree.leaf_boxes(5)
     assert len(boxes) == 2
     for box in boxes:

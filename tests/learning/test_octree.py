@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import settings as effort
 from hypothesis import strategies as st
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.learning.octree import fit_tree
+from occ_constraints_pkg.learning.safe_set import fit_safe_set
 from occ_constraints_pkg.learning.settings import DEEPEST, OCTreeSettings
 from strategies import fit_settings, samples
 
@@ -32,7 +32,7 @@ def visit(node, path=()):
 @effort(max_examples=60)
 @given(samples(), fit_settings())
 def test_trees_are_what_the_article_allows(values, settings):
-    tree = fit_tree(values, settings)
+    tree = fit_safe_set(values, settings)
     assert tree.depth <= (DEEPEST if settings.max_depth is None else settings.max_depth)
     for path, node in visit(tree):
         if node.feature is None:
@@ -62,7 +62,7 @@ def test_branches_count_their_samples_and_lie_within_their_parents(values, setti
             inner[node.feature] = branch.low, branch.high
             check(branch.node, inside, inner)
 
-    tree = fit_tree(values, settings)
+    tree = fit_safe_set(values, settings)
     check(tree, np.arange(len(values)), np.stack([values.min(axis=0), values.max(axis=0)], axis=1))
     boxes = tree.leaf_boxes(values.shape[1])
     inside = ((values[:, None] >= boxes[..., 0]) & (values[:, None] <= boxes[..., 1])).all(axis=2)
@@ -72,13 +72,13 @@ def test_branches_count_their_samples_and_lie_within_their_parents(values, setti
 @given(samples(), st.floats(0.0, 0.3))
 def test_a_tree_without_splits_in_several_stays_within_its_contamination(values, contamination):
     settings = OCTreeSettings(contamination=contamination, alpha=0.0, min_split=0.0, beta=0.0)
-    covered = fit_tree(values, settings).contains(values).mean()
+    covered = fit_safe_set(values, settings).contains(values).mean()
     assert covered >= 1.0 - contamination - 1e-9
 
 
 def test_three_blobs_become_three_boxes():
     values = blobs()
-    tree = fit_tree(values, ARTICLE)
+    tree = fit_safe_set(values, ARTICLE)
     boxes = tree.leaf_boxes(3)
     assert len(boxes) == 3
     assert np.isinf(boxes[:, 2]).all()
@@ -92,7 +92,7 @@ def test_three_blobs_become_three_boxes():
 @pytest.mark.parametrize('nu', [0.0, 0.01, 0.05, 0.2, 1.0])
 def test_nu_limits_the_share_outside(nu):
     values = blobs()
-    tree = fit_tree(values, OCTreeSettings(**{**vars(ARTICLE), 'nu': nu}))
+    tree = fit_safe_set(values, OCTreeSettings(**{**vars(ARTICLE), 'nu': nu}))
     assert np.mean(~tree.contains(values)) <= nu
     if nu == 0.0:
         assert tree.depth == 0
@@ -102,17 +102,17 @@ def test_nu_limits_the_share_outside(nu):
 
 def test_nu_undoes_only_the_level_that_oversteps():
     values = blobs()
-    free = fit_tree(values, ARTICLE)
-    limited = fit_tree(values, OCTreeSettings(**{**vars(ARTICLE), 'max_depth': 1}))
+    free = fit_safe_set(values, ARTICLE)
+    limited = fit_safe_set(values, OCTreeSettings(**{**vars(ARTICLE), 'max_depth': 1}))
     outside = float(np.mean(~limited.contains(values)))
     assert np.mean(~free.contains(values)) > outside
-    assert fit_tree(values, OCTreeSettings(**{**vars(ARTICLE), 'nu': outside})) == limited
+    assert fit_safe_set(values, OCTreeSettings(**{**vars(ARTICLE), 'nu': outside})) == limited
 
 
 @pytest.mark.parametrize('depth', [0, 1, 2])
 def test_depth_limit(depth):
     levels = []
-    tree = fit_tree(
+    tree = fit_safe_set(
         blobs(),
         OCTreeSettings(max_depth=depth, contamination=0.05),
         progress=lambda level, leaves: levels.append((level, leaves)),
@@ -123,7 +123,7 @@ def test_depth_limit(depth):
 
 def test_small_nodes_are_not_divided():
     values = blobs()
-    tree = fit_tree(values, OCTreeSettings(**{**vars(ARTICLE), 'min_split': 0.5}))
+    tree = fit_safe_set(values, OCTreeSettings(**{**vars(ARTICLE), 'min_split': 0.5}))
     for path, node in visit(tree):
         if path:
             continue
@@ -137,7 +137,7 @@ def test_small_nodes_are_not_divided():
 def test_the_order_of_samples_does_not_matter():
     values = blobs()
     shuffled = np.random.default_rng(5).permutation(values)
-    assert fit_tree(values, ARTICLE) == fit_tree(shuffled, ARTICLE)
+    assert fit_safe_set(values, ARTICLE) == fit_safe_set(shuffled, ARTICLE)
 
 
 @pytest.mark.parametrize(
@@ -152,7 +152,7 @@ def test_the_order_of_samples_does_not_matter():
 )
 def test_what_cannot_be_learned_from(values, sentence):
     with pytest.raises(OccError, match=sentence):
-        fit_tree(values, OCTreeSettings())
+        fit_safe_set(values, OCTreeSettings())
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import settings as effort
 from hypothesis import strategies as st
 from occ_constraints_pkg.learning.extraction import extract_rules
-from occ_constraints_pkg.learning.octree import fit_tree
+from occ_constraints_pkg.learning.safe_set import fit_safe_set
 from occ_constraints_pkg.learning.simplification import simplify, size
 from occ_constraints_pkg.rules import Feature, FeatureSpace, Literal, Rule, RuleSet, Verdict
 from occ_constraints_pkg.rules.ruleset import rule_ids
@@ -79,7 +79,9 @@ def test_rules_of_any_tree_mean_the_same_when_simplified(tree, full, seed):
 def test_rules_of_learned_trees_mean_the_same_when_simplified(values, settings, full, seed):
     demonstrated = np.stack([values.min(axis=0), values.max(axis=0)], axis=1)
     space = FeatureSpace(tuple(Feature(f'x{index}') for index in range(values.shape[1])))
-    before = extract_rules(fit_tree(values, settings), space, demonstrated, full_conditions=full)
+    before = extract_rules(
+        fit_safe_set(values, settings), space, demonstrated, full_conditions=full
+    )
     check(before, np.random.default_rng(seed))
 
 

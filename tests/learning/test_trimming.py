@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as effort
 from hypothesis import strategies as st
-from occ_constraints_pkg.learning.octree import fit_tree
+from occ_constraints_pkg.learning.safe_set import fit_safe_set
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.learning.trimming import MOST_ESTIMATED, make_units, trim
 from strategies import samples
@@ -118,7 +118,7 @@ def test_a_chain_is_ordered_by_what_its_cuts_buy():
     rng = np.random.default_rng(5)
     values = rng.random((3000, 3))
     values[:5, 1], values[:5, 2] = 7.0, 70.0
-    tree = fit_tree(values, OCTreeSettings(contamination=0.01))
+    tree = fit_safe_set(values, OCTreeSettings(contamination=0.01))
     assert tree.feature == 2
     assert tree.branches[0].node.feature == 1
-    assert fit_tree(values, OCTreeSettings(contamination=0.01, max_depth=1)).depth == 1
+    assert fit_safe_set(values, OCTreeSettings(contamination=0.01, max_depth=1)).depth == 1

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from occ_constraints_pkg.learning.extraction import extract_rules
-from occ_constraints_pkg.learning.octree import fit_tree
+from occ_constraints_pkg.learning.safe_set import fit_safe_set
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.rules import Feature, FeatureSpace, Rule, RuleSet
 
@@ -72,7 +72,7 @@ def learned_rules(rng: np.random.Generator) -> RuleSet:
     )
     samples = drives(rng, TRAINING_ROWS)
     demonstrated = np.stack([samples.min(axis=0), samples.max(axis=0)], axis=1)
-    learned = extract_rules(fit_tree(samples, _SETTINGS), space, demonstrated)
+    learned = extract_rules(fit_safe_set(samples, _SETTINGS), space, demonstrated)
     single = [rule for rule in learned.rules if len(rule.literals) == 1]
     several = [rule for rule in learned.rules if len(rule.literals) > 1]
     return RuleSet(space, (*single, *_evenly(several, _RULES - len(single))), demonstrated)

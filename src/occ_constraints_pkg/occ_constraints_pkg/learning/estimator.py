@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from occ_constraints_pkg.errors import OccError, import_needed
-from occ_constraints_pkg.learning.octree import fit_tree
+from occ_constraints_pkg.learning.safe_set import fit_safe_set
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.learning.simplification import extract_and_simplify
 from occ_constraints_pkg.rules.rule import Rule
@@ -149,7 +149,7 @@ class OCTreeClassifier(OutlierMixin, BaseEstimator):
         demonstrated = np.stack([rows.min(axis=0), rows.max(axis=0)], axis=1)
         try:
             space = FeatureSpace(tuple(Feature(str(name)) for name in names))
-            tree = fit_tree(rows, settings)
+            tree = fit_safe_set(rows, settings)
             rule_set = extract_and_simplify(
                 tree, space, demonstrated, full_conditions=settings.full_conditions
             ).rule_set

@@ -23,7 +23,7 @@ from occ_constraints_pkg.learning.evidence import (
     evidence_document,
     gather_evidence,
 )
-from occ_constraints_pkg.learning.octree import fit_tree
+from occ_constraints_pkg.learning.safe_set import fit_safe_set
 from occ_constraints_pkg.learning.samples import divide_samples, families, is_usable
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.learning.simplification import Simplification, extract_and_simplify
@@ -190,7 +190,9 @@ def grow(
 ) -> Node:
     """Return the tree that (n, k) usable samples of a feature space give."""
     limits = space_limits(space)
-    return fit_tree(training, settings, families=space.families, limits=limits, progress=progress)
+    return fit_safe_set(
+        training, settings, families=space.families, limits=limits, progress=progress
+    )
 
 
 def is_safe(rule_set: RuleSet, rows: np.ndarray) -> np.ndarray:

@@ -9,11 +9,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.learning.division import Division, divide, divide_family
+from occ_constraints_pkg.learning.samples import checked_samples
 from occ_constraints_pkg.learning.settings import DEEPEST, OCTreeSettings
 from occ_constraints_pkg.learning.tree import Branch, Node
-from occ_constraints_pkg.learning.trimming import Trim, Unit, make_units, most_outside, trim
+from occ_constraints_pkg.learning.trimming import Trim, Unit, make_units, trim
 
 
 @dataclass
@@ -53,7 +53,7 @@ def fit_tree(
     limits: np.ndarray | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Node:
-    """Learn the region that the samples cover.
+    """Learn the region that the samples cover as a tree that may branch.
 
     Grows level by level, until no node can be divided or the depth limit is reached. Where nu is
     set, the article's two conditions end growth earlier: :func:`oversteps` and
@@ -75,22 +75,12 @@ def fit_tree(
     Raises:
         OccError: no sample, or a value that is not finite.
     """
-    samples = _checked(values)
+    # Column by column, for that is how the samples are read.
+    samples = np.asfortranarray(checked_samples(values))
     deepest = DEEPEST if settings.max_depth is None else settings.max_depth
-    families = families if settings.clip == 'mass' else ()
-    one_box = settings.clip == 'mass' and settings.alpha == 0.0
-    if one_box and not most_outside(len(samples), settings.contamination):
-        # Nothing may be cut. There may be very many features, so it is worth to say so here.
-        return Node()
-    if not one_box:
-        # Column by column, for that is how the samples are read.
-        samples = np.asfortranarray(samples)
-    units = make_units(samples, families, limits)
-    trims: list[Trim | None] | None = None
-    if settings.clip == 'mass':
-        trims = trim(units, settings.contamination)
-        if one_box:
-            return _chain(units, trims, settings, deepest, progress)
+    by_mass = settings.clip == 'mass'
+    units = make_units(samples, families if by_mass else (), limits)
+    trims = trim(units, settings.contamination) if by_mass else None
     extent = np.stack([samples.min(axis=0), samples.max(axis=0)], axis=1)
     for unit in units:
         extent[list(unit.features)] = unit.smallest.min(), unit.largest.max()
@@ -186,83 +176,3 @@ def _split(
         rows = node.rows[(smallest >= low) & (largest <= high)]
         blocked = node.blocked | set(node.features) if single else frozenset()
         node.children.append(_Growing(rows, extent, blocked))
-
-
-def _checked(values: np.ndarray) -> np.ndarray:
-    try:
-        if np.iscomplexobj(values):
-            raise TypeError('complex numbers')
-        samples = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise OccError(f'learning needs numbers, rows of equal length: {error}') from error
-    if samples.ndim != 2 or not samples.size:
-        raise OccError(f'learning needs samples of shape (n, k), got an array of {samples.shape}')
-    # A sum tells at a glance; finite samples may have an infinite one.
-    with np.errstate(over='ignore', invalid='ignore'):
-        glance = samples.sum()
-    if not np.isfinite(glance) and not np.isfinite(samples).all():
-        row, column = np.argwhere(~np.isfinite(samples))[0]
-        raise OccError(
-            f'sample {row}, feature {column} is {samples[row, column]}; learning takes finite '
-            'values only'
-        )
-    return samples
-
-
-def _chain(
-    units: Sequence[Unit],
-    trims: Sequence[Trim | None],
-    settings: OCTreeSettings,
-    deepest: int,
-    progress: Callable[[int, int], None] | None,
-) -> Node:
-    """Return the tree in which every split has one branch: where nothing is ever revised.
-
-    It is what growing level by level comes to, but that the order of the units is settled at the
-    root. Each interval is shrunk to the samples that are inside so far.
-    """
-    total = len(units[0].smallest)
-    inside = np.ones(total, dtype=bool)
-    outside = np.flatnonzero(~inside)
-    levels: list[tuple[tuple[int, ...], Branch]] = []
-    eligible = [pair for pair in zip(units, trims, strict=True) if pair[1] is not None]
-    for unit, cut in sorted(eligible, key=lambda pair: pair[1].impurity):
-        if len(levels) == deepest or total - len(outside) < max(2.0, settings.min_split * total):
-            break
-        narrowed = inside
-        if cut.extent != (cut.low, cut.high):
-            narrowed = inside & (unit.smallest >= cut.low) & (unit.largest <= cut.high)
-        gone = np.flatnonzero(~narrowed)
-        count = total - len(gone)
-        if count == 0 or count < settings.beta * total:
-            continue
-        interval = _shrunk(unit, cut, narrowed, gone)
-        if interval == cut.extent:
-            continue
-        if settings.nu is not None and oversteps(count, total, settings.nu):
-            break
-        stable = is_stable(1, 1, count, total - len(outside))
-        levels.append((unit.features, Branch(*interval, count, Node())))
-        inside, outside = narrowed, gone
-        if progress is not None:
-            progress(len(levels), 1)
-        if settings.nu is not None and stable:
-            break
-    tree = Node()
-    for features, branch in reversed(levels):
-        for feature in reversed(features):
-            tree = Node(feature, (Branch(branch.low, branch.high, branch.samples, tree),))
-    return tree
-
-
-def _shrunk(unit: Unit, cut: Trim, inside: np.ndarray, outside: np.ndarray) -> tuple[float, float]:
-    """Return the smallest and the largest value inside; bounds of ``cut`` lie on samples.
-
-    Only where one of the few samples outside is at or within a bound is there anything to find.
-    """
-    low, high = cut.low, cut.high
-    if (unit.smallest[outside] == low).any():
-        low = float(unit.smallest.min(where=inside, initial=np.inf))
-    if (unit.largest[outside] == high).any():
-        high = float(unit.largest.max(where=inside, initial=-np.inf))
-    return low, high

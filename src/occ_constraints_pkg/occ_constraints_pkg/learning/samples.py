@@ -65,6 +65,32 @@ def families(space: FeatureSpace, settings: OCTreeSettings) -> tuple[tuple[int, 
     return space.families if settings.clip == 'mass' else ()
 
 
+def checked_samples(values: np.ndarray) -> np.ndarray:
+    """Return ``values`` as (n, k) finite float64.
+
+    Raises:
+        OccError: no sample, or a value that is not finite.
+    """
+    try:
+        if np.iscomplexobj(values):
+            raise TypeError('complex numbers')
+        samples = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise OccError(f'learning needs numbers, rows of equal length: {error}') from error
+    if samples.ndim != 2 or not samples.size:
+        raise OccError(f'learning needs samples of shape (n, k), got an array of {samples.shape}')
+    # A sum tells at a glance; finite samples may have an infinite one.
+    with np.errstate(over='ignore', invalid='ignore'):
+        glance = samples.sum()
+    if not np.isfinite(glance) and not np.isfinite(samples).all():
+        row, column = np.argwhere(~np.isfinite(samples))[0]
+        raise OccError(
+            f'sample {row}, feature {column} is {samples[row, column]}; learning takes finite '
+            'values only'
+        )
+    return samples
+
+
 def divide_samples(
     values: np.ndarray,
     episodes: np.ndarray,

@@ -10,7 +10,7 @@ import numpy as np
 
 from occ_constraints_pkg.experiments.benchmarks.learn import make_rows, processor_time
 from occ_constraints_pkg.experiments.conditions import machine, versions
-from occ_constraints_pkg.learning.octree import fit_tree
+from occ_constraints_pkg.learning.safe_set import fit_safe_set
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 
 _ROWS = (100_000, 1_000_000, 10_000_000)
@@ -28,7 +28,7 @@ def run(seconds: float = 0.0) -> dict[str, Any]:
         samples = make_rows(rows)
         rounds = 1 if rows == max(_ROWS) else 3
         times[rows] = min(
-            processor_time(lambda samples=samples: fit_tree(samples, _SETTINGS))
+            processor_time(lambda samples=samples: fit_safe_set(samples, _SETTINGS))
             for _ in range(rounds)
         )
     few, most = min(_ROWS), max(_ROWS)

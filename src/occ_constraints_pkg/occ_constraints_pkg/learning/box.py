@@ -54,7 +54,7 @@ def fit_box(
     inside = np.ones(total, dtype=bool)
     outside = np.flatnonzero(~inside)
     levels: list[tuple[tuple[int, ...], Branch]] = []
-    eligible = [pair for pair in zip(units, trims, strict=True) if pair[1] is not None]
+    eligible = [(unit, cut) for unit, cut in zip(units, trims, strict=True) if cut is not None]
     for unit, cut in sorted(eligible, key=lambda pair: pair[1].impurity):
         if len(levels) == deepest or total - len(outside) < max(2.0, settings.min_split * total):
             break

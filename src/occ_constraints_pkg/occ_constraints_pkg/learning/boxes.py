@@ -143,7 +143,8 @@ class _Steps:
         for box in self.boxes:
             if len(box.features) == 1:
                 groups.setdefault(next(iter(box.features)), []).append(box)
-        gone, lines = [], {}
+        gone: list[Box] = []
+        lines: dict[int, list[tuple[float, float]]] = {}
         for feature, group in groups.items():
             for low, high, members in self._connected(feature, group):
                 lines.setdefault(feature, []).append((low, high))
@@ -184,10 +185,10 @@ class _Steps:
         ends = {}
         if low > self.lows[feature]:
             lowest = min(free, key=lambda box: self._low(box, feature))
-            ends[feature, False] = lowest.ends.get((feature, False))
+            ends[feature, False] = lowest.ends[feature, False]
         if high < self.highs[feature]:
             highest = max(free, key=lambda box: self._high(box, feature))
-            ends[feature, True] = highest.ends.get((feature, True))
+            ends[feature, True] = highest.ends[feature, True]
         if not ends:
             # All is flagged already, and one rule cannot say so without a literal.
             return inside
@@ -333,8 +334,8 @@ class _Table:
         self.boxes = [box for box in owner.boxes if len(box.features) > 1]
         features = sorted({feature for box in self.boxes for feature in box.features})
         self.place = {feature: index for index, feature in enumerate(features)}
-        self.low = np.tile(owner.lows[features], (len(self.boxes), 1))
-        self.high = np.tile(owner.highs[features], (len(self.boxes), 1))
+        self.low: np.ndarray = np.tile(owner.lows[features], (len(self.boxes), 1))
+        self.high: np.ndarray = np.tile(owner.highs[features], (len(self.boxes), 1))
         self.marks = np.zeros(len(self.boxes), dtype=np.uint64)
         for row, box in enumerate(self.boxes):
             for (feature, is_upper), literal in box.ends.items():
@@ -347,7 +348,7 @@ class _Table:
 
     def codes(self) -> np.ndarray:
         """(m, c) uint64: equal in a column where the intervals are; their sum names a box."""
-        weights = np.random.default_rng(0).integers(2**63, size=(2, *self.low.shape[1:]))
+        weights = np.random.default_rng(0).integers(2**63, size=(2, self.low.shape[1]))
         codes = np.zeros(self.low.shape, dtype=np.uint64)
         for column in range(codes.shape[1]):
             for values, weight in zip((self.low, self.high), weights[:, column], strict=True):

@@ -136,7 +136,7 @@ def clip(density: Density, level: float) -> list[tuple[float, float]]:
     falls = np.flatnonzero(inside[:-1] & ~inside[1:]) - 1
     return [
         (_crossing(density, start - 1, start, level), _crossing(density, end, end + 1, level))
-        for start, end in zip(rises, falls, strict=True)
+        for start, end in zip(rises.tolist(), falls.tolist(), strict=True)
     ]
 
 
@@ -169,7 +169,7 @@ def revise(
         heights = density.values[left], density.values[right]
         if density.values[lowest] <= alpha * min(heights):
             cuts.append(float(density.grid[lowest]))
-    revised = []
+    revised: list[tuple[float, float]] = []
     for low, high in pieces:
         ends = [low, *(cut for cut in cuts if low < cut < high), high]
         revised.extend(zip(ends[:-1], ends[1:], strict=True))

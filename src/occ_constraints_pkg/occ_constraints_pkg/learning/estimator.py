@@ -26,10 +26,10 @@ except ModuleNotFoundError as error:
     if (error.name or '').partition('.')[0] != 'sklearn':
         raise
 
-    class OutlierMixin:
+    class OutlierMixin:  # type: ignore[no-redef]
         """Stands in for scikit-learn's."""
 
-    class BaseEstimator:
+    class BaseEstimator:  # type: ignore[no-redef]
         """Stands in for scikit-learn's: says what is missing as soon as one is made."""
 
         def __new__(cls, *arguments: Any, **parameters: Any) -> BaseEstimator:
@@ -156,7 +156,7 @@ class OCTreeClassifier(OutlierMixin, BaseEstimator):
         except OccError as error:
             raise ValueError(str(error)) from error
         offset = 0.0
-        if self.contamination != 'auto':
+        if not isinstance(self.contamination, str):
             offset = _offset(_margins(rule_set, rows), self.contamination)
             rule_set = _moved(rule_set, offset)
         self.tree_, self.rule_set_, self.offset_ = tree, rule_set, offset
@@ -186,7 +186,7 @@ class OCTreeClassifier(OutlierMixin, BaseEstimator):
     def _settings(self) -> OCTreeSettings:
         own = self.get_params()
         share, outside = own.pop('contamination'), own.pop('most_outside')
-        if outside is not None and not (isinstance(outside, Real) and 0.0 <= outside < 1.0):
+        if outside is not None and not (isinstance(outside, Real) and 0.0 <= float(outside) < 1.0):
             raise ValueError(
                 f'most_outside is {outside!r}; allowed are None and 0 <= most_outside < 1'
             )
@@ -194,7 +194,7 @@ class OCTreeClassifier(OutlierMixin, BaseEstimator):
             if share != 'auto':
                 raise ValueError(f"contamination is {share!r}; allowed are 'auto' and a number")
             share = outside
-        elif not (isinstance(share, Real) and 0.0 < share <= 0.5):
+        elif not (isinstance(share, Real) and 0.0 < float(share) <= 0.5):
             raise ValueError(f"contamination is {share!r}; allowed are 'auto' and over 0 to 0.5")
         try:
             return OCTreeSettings(contamination=share, **own)

@@ -191,7 +191,8 @@ def _where_true(
 
 def _closest(places: np.ndarray, away: np.ndarray, episodes: np.ndarray) -> list[int]:
     """Return the places of the smallest distances, one of each episode, closest first."""
-    away, chosen = away.copy(), []
+    away = away.copy()
+    chosen: list[int] = []
     while len(chosen) < _MOST_NAMED and len(away):
         best = int(away.argmin())
         if away[best] == np.inf:

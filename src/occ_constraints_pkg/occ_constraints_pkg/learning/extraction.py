@@ -60,7 +60,7 @@ def extract_rules(
     Returns:
         The rules in ascending number of literals.
     """
-    conjunctions = [
+    conjunctions: list[tuple[Literal, ...]] = [
         (Literal(feature, operator, float(bound)),)
         for feature, (low, high) in enumerate(demonstrated)
         for operator, bound in (('<', low), ('>', high))
@@ -75,7 +75,7 @@ def extract_rules(
         for item in conjunctions
         if not any(literal.is_strict and literal.is_never_true(space) for literal in item)
     )
-    conjunctions = [(literal,) for literal in single] + sorted(longer, key=len)
+    conjunctions = [*((literal,) for literal in single), *sorted(longer, key=len)]
     ids = rule_ids(space, conjunctions)
     rules = tuple(Rule(name, item) for name, item in zip(ids, conjunctions, strict=True))
     return RuleSet(space, rules, np.asarray(demonstrated, dtype=np.float64))

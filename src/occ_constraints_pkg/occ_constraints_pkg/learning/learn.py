@@ -78,17 +78,16 @@ def learn(
             episodes for the stated probability.
     """
     settings = settings if settings is not None else OCTreeSettings()
-    own = false_alarm is not None and safe_episodes is None
     samples = divide_samples(
         values,
         episodes,
         space,
         rng=rng,
         held_out_share=held_out_share,
-        hold_out_least=episodes_needed(false_alarm) if own else 0,
+        hold_out_least=(
+            0 if false_alarm is None or safe_episodes is not None else episodes_needed(false_alarm)
+        ),
     )
-    if own:
-        safe_episodes = samples.held_out, samples.held_out_names
     training = samples.training
     tree = grow(training, space, settings, progress=progress)
     demonstrated = samples.demonstrated(space, settings)
@@ -97,6 +96,8 @@ def learn(
     )
     calibration: dict[str, Any] = {}
     if false_alarm is not None:
+        if safe_episodes is None:
+            safe_episodes = samples.held_out, samples.held_out_names
         tree, formula, calibration = _calibrated(
             tree, formula, safe_episodes, false_alarm, settings.full_conditions
         )

@@ -171,8 +171,8 @@ def _split(
     single = len(best.intervals) == 1
     smallest, largest = chosen.smallest[node.rows], chosen.largest[node.rows]
     for low, high in best.intervals:
-        extent = node.extent.copy()
-        extent[list(node.features)] = low, high
+        box = node.extent.copy()
+        box[list(node.features)] = low, high
         rows = node.rows[(smallest >= low) & (largest <= high)]
         blocked = node.blocked | set(node.features) if single else frozenset()
-        node.children.append(_Growing(rows, extent, blocked))
+        node.children.append(_Growing(rows, box, blocked))

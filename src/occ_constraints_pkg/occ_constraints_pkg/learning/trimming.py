@@ -118,9 +118,9 @@ class _Tail(NamedTuple):
     edge: float | None
     distances: np.ndarray
 
-    def beyond_edge(self, room: int) -> int:
+    def beyond_edge(self, edge: float, room: int) -> int:
         """Return how many samples lie beyond the edge, at most ``room``; equal ones together."""
-        outside = min(int(np.searchsorted(self.distances, self.edge)), room)
+        outside = min(int(np.searchsorted(self.distances, edge)), room)
         return int(np.searchsorted(self.distances, self.distances[outside]))
 
 
@@ -160,7 +160,7 @@ def trim(units: Sequence[Unit], contamination: float | None) -> list[Trim | None
         outside[priced] = _bought(worth, price, count)
     for index, tail in enumerate(tails):
         if tail.edge is not None:
-            outside[index] = tail.beyond_edge(max(0, room - int(outside.sum())))
+            outside[index] = tail.beyond_edge(tail.edge, max(0, room - int(outside.sum())))
     numbers = iter(outside.reshape(-1, 2).tolist())
     return [None if pair is None else _trim(pair, next(numbers), count) for pair in found]
 

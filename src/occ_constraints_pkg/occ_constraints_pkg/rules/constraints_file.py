@@ -209,7 +209,7 @@ def _rule(item: Mapping[str, Any], where: str, space: FeatureSpace) -> Rule:
     )
 
 
-def _literals(items: list, where: str, space: FeatureSpace) -> Iterator[Literal]:
+def _literals(items: list[dict[str, Any]], where: str, space: FeatureSpace) -> Iterator[Literal]:
     for index, item in enumerate(items):
         name = item['feature']
         if name not in space.names:

@@ -138,7 +138,9 @@ def _moved(
 def _bound(text: str) -> MovedBound:
     found = _BOUND.fullmatch(text)
     try:
+        if found is None:
+            raise ValueError(text)
         rule, feature, operator, number = found.groups()
         return MovedBound(rule, feature, operator, Literal(0, operator, float(number)).bound)
-    except (AttributeError, ValueError, OccError):
+    except (ValueError, OccError):
         raise OccError(f'a moved bound is {text!r}; allowed is {_BOUND_FORM}') from None

@@ -40,6 +40,9 @@ class Program:
         self._constants: list[np.ndarray] = []
         self._places: dict[float, int] = {}
         self._steps: list[_Step] = []
+        self._type: type
+        self._either: np.ufunc
+        self._both: np.ufunc
         if scale is None:
             self._type, self._either, self._both = bool, np.logical_or, np.logical_and
         else:
@@ -52,7 +55,7 @@ class Program:
 
         What numbers that are not finite give has no meaning.
         """
-        registers = np.empty((self._registers, columns.shape[1]), dtype=self._type)
+        registers: np.ndarray = np.empty((self._registers, columns.shape[1]), dtype=self._type)
         operands = [*columns, *self._constants, *registers[::-1]]
         if not self._steps:
             # No rule is never true, and infinitely far.

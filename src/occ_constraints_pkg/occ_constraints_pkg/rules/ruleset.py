@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -15,7 +15,7 @@ import numpy as np
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.rules.columns import Columns
 from occ_constraints_pkg.rules.formula import Disjunction, factor
-from occ_constraints_pkg.rules.rule import Rule
+from occ_constraints_pkg.rules.rule import Literal, Rule
 from occ_constraints_pkg.rules.rule_table import RuleTable
 from occ_constraints_pkg.rules.short_circuit import ShortCircuit
 from occ_constraints_pkg.rules.space import FeatureSpace
@@ -294,7 +294,7 @@ class RuleCounts:
         rule = judgement.rule[judgement.verdict != _UNKNOWN]
         stopped_at = self._place[rule[rule >= 0]]
         hits = np.bincount(stopped_at, minlength=len(self._order))
-        self._count(hits, np.count_nonzero(rule < 0))
+        self._count(hits, int(np.count_nonzero(rule < 0)))
 
     def _count(self, hits: np.ndarray, passed: int) -> None:
         """Count samples: at how many each enabled rule was the first, and how many had none."""
@@ -325,7 +325,7 @@ class RuleCounts:
         self.violated[:] = 0
 
 
-def rule_ids(space: FeatureSpace, literal_sets: Sequence[tuple]) -> list[str]:
+def rule_ids(space: FeatureSpace, literal_sets: Iterable[tuple[Literal, ...]]) -> list[str]:
     """Return an id for each conjunction that survives a small change of its bounds.
 
     The id is a digest of the features and operators only, so re-learning from similar

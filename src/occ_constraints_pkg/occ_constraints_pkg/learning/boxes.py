@@ -172,12 +172,7 @@ class _Steps:
             box
             for box in members
             if not box.fixed
-            and any(
-                other.fixed
-                and self._low(other, feature) <= self._low(box, feature)
-                and self._high(other, feature) >= self._high(box, feature)
-                for other in members
-            )
+            and any(other.fixed and self._lies_in(box, other, feature) for other in members)
         ]
         free = [box for box in members if not box.fixed and not any(box is item for item in inside)]
         if not free:
@@ -191,8 +186,18 @@ class _Steps:
             ends[feature, True] = highest.ends[feature, True]
         if not ends:
             # All is flagged already, and one rule cannot say so without a literal.
+            for box in free:
+                others = (item for item in free if item is not box and item not in inside)
+                if any(self._lies_in(box, other, feature) for other in others):
+                    inside.append(box)
             return inside
         return inside + self._become_one(free, ends)
+
+    def _lies_in(self, box: Box, other: Box, feature: int) -> bool:
+        """Tell whether boxes of this feature alone lie one in the other."""
+        return self._low(other, feature) <= self._low(box, feature) and self._high(
+            other, feature
+        ) >= self._high(box, feature)
 
     def _become_one(self, boxes: list[Box], ends: dict[tuple[int, bool], Literal]) -> list[Box]:
         """Let the box of the first rule stand for all; return the others."""
@@ -348,7 +353,7 @@ class _Table:
 
     def codes(self) -> np.ndarray:
         """(m, c) uint64: equal in a column where the intervals are; their sum names a box."""
-        weights = np.random.default_rng(0).integers(2**63, size=(2, self.low.shape[1]))
+        weights = np.random.default_rng(0).integers(2**63, size=(2, len(self.place)))
         codes = np.zeros(self.low.shape, dtype=np.uint64)
         for column in range(codes.shape[1]):
             for values, weight in zip((self.low, self.high), weights[:, column], strict=True):

@@ -355,7 +355,7 @@ class _Table:
         """(m, c) uint64: equal in a column where the intervals are; their sum names a box."""
         weights = np.random.default_rng(0).integers(2**63, size=(2, len(self.place)))
         codes = np.zeros(self.low.shape, dtype=np.uint64)
-        for column in range(codes.shape[1]):
+        for column in range(len(self.place)):
             for values, weight in zip((self.low, self.high), weights[:, column], strict=True):
                 _, numbers = np.unique(values[:, column], return_inverse=True)
                 codes[:, column] += (numbers + 1).astype(np.uint64) * np.uint64(weight)

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-import shutil
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -22,12 +22,14 @@ from occ_constraints_pkg.documents import (
     validate,
 )
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.files import check_is_file_or_nothing, replacing
+from occ_constraints_pkg.files import CONSTRAINTS, check_kind, keep_copy, replacing
 from occ_constraints_pkg.rules.rule import Literal, Rule
 from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.rules.space import Feature, FeatureSpace
 
 SCHEMA_VERSION = 1
+# What pruning notes; see learning.pruning.
+_PRUNED = re.compile(r'(?:^|; )pruned: violated \d+ of \d+ times, below \S+$')
 _SCHEMA = load_schema(__package__, 'constraints.schema.json')
 
 
@@ -105,7 +107,7 @@ class Constraints:
             OccError: the file cannot be written.
         """
         data = self.dumps().encode()
-        with replacing(path) as draft:
+        with replacing(path, CONSTRAINTS) as draft:
             draft.write_bytes(data)
 
 
@@ -130,20 +132,89 @@ def save_learned(constraints: Constraints, path: str | Path, *, overwrite: bool 
         OccError: the file there was edited and ``overwrite`` is off, it is no constraints file,
             or it cannot be written.
     """
-    target = Path(path)
-    check_is_file_or_nothing(target)
-    if target.exists() and load_constraints(target).is_edited:
+    there = _there(path)
+    if there is not None and (there.content.is_edited or there.has_comments):
         if not overwrite:
             raise OccError(
-                f'{target} was edited since it was learned (rules changed, disabled or noted); '
-                'choose another file, or allow overwriting, which keeps a copy'
+                f'{path} was edited since it was learned (rules changed, disabled or noted, or '
+                'comments added); choose another file, or allow overwriting, which keeps a copy'
             )
-        copy = target.with_name(f'{target.name}.bak')
-        try:
-            shutil.copy2(target, copy)
-        except OSError as error:
-            raise OccError(f'cannot write {copy}: {error.strerror}') from error
-    constraints.save(target)
+        keep_copy(path)
+    constraints.save(path)
+
+
+def save_derived(
+    constraints: Constraints, path: str | Path, *, overwrite: bool = False, in_place: bool = False
+) -> None:
+    """Write constraints made from a file without losing what a person changed where they go.
+
+    A file is replaced without a question where nothing of a person's is lost: its rules are as
+    learned, or it says what is to be written, whatever was counted and pruned. So the same command
+    may be repeated.
+
+    Args:
+        constraints: a file's content, counted, pruned or simplified.
+        path: the file to write.
+        overwrite: replace a file that was edited; it is kept beside with the suffix ``.bak``.
+        in_place: ``path`` is the very file that ``constraints`` were made from, and was asked to
+            be changed; what was edited is kept beside likewise.
+
+    Raises:
+        OccError: the file there was edited and may not be replaced, it is no constraints file, or
+            it cannot be written.
+    """
+    there = _there(path)
+    if there is not None:
+        before, after = (_not_counted(item) for item in (there.content, constraints))
+        if there.has_comments or (before.is_edited and before.dumps() != after.dumps()):
+            if not (overwrite or in_place):
+                raise OccError(
+                    f'{path} was edited by hand (rules changed, disabled or noted, or comments '
+                    'added); choose another file, or allow --overwrite, which keeps a copy'
+                )
+            keep_copy(path)
+    constraints.save(path)
+
+
+@dataclass(frozen=True)
+class _There:
+    """The constraints file that is to be replaced."""
+
+    content: Constraints
+    has_comments: bool
+
+
+def _there(path: str | Path) -> _There | None:
+    """Return what stands at a path; None for nothing, or an empty file.
+
+    Raises:
+        OccError: it is no constraints file.
+    """
+    check_kind(path, CONSTRAINTS)
+    target = Path(path)
+    if not target.exists() or not target.stat().st_size:
+        return None
+    text = read_text(target)
+    content = parse_constraints(text, str(path))
+    # None is ever written here but within texts.
+    has_comments = '#' in text and text.count('#') != content.dumps().count('#')
+    return _There(content, has_comments)
+
+
+def _not_counted(constraints: Constraints) -> Constraints:
+    """Return constraints as they were before anything was counted and pruned."""
+    rule_set = constraints.rule_set
+    rules = tuple(
+        replace(
+            rule,
+            evaluated=0,
+            violated=0,
+            note=_PRUNED.sub('', rule.note),
+            enabled=rule.enabled or bool(_PRUNED.search(rule.note)),
+        )
+        for rule in rule_set.rules
+    )
+    return constraints.with_rule_set(replace(rule_set, rules=rules))
 
 
 def parse_constraints(text: str, where: str) -> Constraints:

@@ -41,15 +41,12 @@ def open_regular(path: str | Path, what: str = '') -> Iterator[BinaryIO]:
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     except (OSError, ValueError) as error:
         raise OccError(f'cannot read {named}: {_reason(error)}') from error
+    mode = os.fstat(descriptor).st_mode
+    if not stat.S_ISREG(mode):
+        os.close(descriptor)
+        is_what = 'directory' if stat.S_ISDIR(mode) else 'device, a pipe or a socket'
+        raise OccError(f'cannot read {named}: it is a {is_what}; allowed is an ordinary file')
     with os.fdopen(descriptor, 'rb') as stream:
-        mode = os.fstat(descriptor).st_mode
-        if stat.S_ISDIR(mode):
-            raise OccError(f'cannot read {named}: {os.strerror(errno.EISDIR)}')
-        if not stat.S_ISREG(mode):
-            raise OccError(
-                f'cannot read {named}: it is a device, a pipe or a socket; allowed is an ordinary '
-                'file'
-            )
         yield stream
 
 
@@ -62,13 +59,10 @@ def read_bytes(path: str | Path, limit: int = DOCUMENT_BYTES, what: str = '') ->
     with open_regular(path, what) as stream:
         size = os.fstat(stream.fileno()).st_size
         if size > limit:
-            raise OccError(
-                f'cannot read {path}: it has {size / 1e6:.1f} MB; allowed are {limit / 1e6:.1f} MB '
-                'at most'
-            )
+            raise OccError(f'cannot read {path}: it has {size} bytes; allowed are {limit} at most')
         try:
             # What is appended meanwhile is not read.
-            return stream.read(limit)
+            return stream.read(size)
         except OSError as error:
             raise OccError(f'cannot read {path}: {_reason(error)}') from error
 
@@ -165,7 +159,7 @@ def check_kind(path: str | Path, kind: Kind) -> None:
 
 
 @contextmanager
-def replacing(path: str | Path, kind: Kind) -> Iterator[Path]:
+def replacing(path: str | Path, kind: Kind, *, durable: bool = True) -> Iterator[Path]:
     """Yield the path of a draft that takes the place of ``path`` when the block ends well.
 
     Until then, and when the block fails, ``path`` stays as it was and no draft is left. Its
@@ -177,6 +171,7 @@ def replacing(path: str | Path, kind: Kind) -> Iterator[Path]:
     Args:
         path: the file to write.
         kind: what it is to be; a file of another kind is not replaced.
+        durable: wait until it is on the disk; else a power cut may leave an empty file.
 
     Raises:
         OccError: there is a file of another kind, or writing failed, for example because the disk
@@ -194,9 +189,11 @@ def replacing(path: str | Path, kind: Kind) -> Iterator[Path]:
         if not os.path.samestat(os.fstat(descriptor), os.lstat(draft)):
             raise OccError(f'cannot write {path}: another program has replaced the draft {draft}')
         _take_after(descriptor, target)
-        os.fsync(descriptor)
+        if durable:
+            os.fsync(descriptor)
         os.replace(draft, target)
-        _sync_directory(target.parent)
+        if durable:
+            _sync_directory(target.parent)
     except OSError as error:
         raise OccError(f'cannot write {path}: {_reason(error)}') from error
     finally:
@@ -214,7 +211,7 @@ def write_text(path: str | Path, kind: Kind, text: str) -> None:
         OccError: as there.
     """
     with replacing(path, kind) as draft:
-        draft.write_text(text, encoding='utf-8')
+        draft.write_bytes(text.encode())
 
 
 def keep_copy(path: str | Path) -> Path:

@@ -27,7 +27,7 @@ from occ_constraints_pkg.files import (
     set_aside,
     write_text,
 )
-from occ_constraints_pkg.rules.constraints_file import Constraints, save_derived
+from occ_constraints_pkg.rules.constraints_file import save_derived
 from occ_constraints_pkg.worlds.base import World
 from occ_constraints_pkg.worlds.stream import EpisodeStream, StepBatch
 
@@ -156,7 +156,6 @@ class TrainingDirectory:
         self._settings = dict(settings or {})
         self._saved_at = -math.inf
         self._lock: DirectoryLock | None = None
-        self._saved_rules: tuple[int, int] | None = None
 
     def begin(self) -> Path | None:
         """Make room for a new training; return where an earlier one has been moved, if any.
@@ -316,23 +315,13 @@ class TrainingDirectory:
         if isinstance(cost_source, RuleCost):
             counts = cost_source.counts
             companions['counts'] = {'evaluated': counts.evaluated, 'violated': counts.violated}
-            self._save_rules(cost_source.counted())
+            # What a person changes there meanwhile is kept beside.
+            save_derived(cost_source.counted(), self.path / self._RULES, overwrite=True)
         learner.policy().save(self.path / 'policy.npz')
         learner.save(self.path / self._CHECKPOINT, **companions)
         summary = {'steps': learner.steps, 'updates': learner.updates}
         write_text(self.path / 'summary.json', RESULTS, json.dumps(summary))
         self._saved_at = time.monotonic()
-
-    def _save_rules(self, counted: Constraints) -> None:
-        """Write the counted rules; what a person has changed meanwhile is kept beside them."""
-        rules = self.path / self._RULES
-        is_own = self._saved_rules is not None and self._saved_rules == _identity(rules)
-        if is_own:
-            # Not read anew each time, which takes long where rules are many.
-            counted.save(rules)
-        else:
-            save_derived(counted, rules, overwrite=True)
-        self._saved_rules = _identity(rules)
 
 
 def read_metrics(path: Path) -> list[dict[str, Any]]:
@@ -363,12 +352,3 @@ def read_metrics(path: Path) -> list[dict[str, Any]]:
 def _shortened(line: bytes) -> str:
     text = line.decode('utf-8', errors='replace')
     return repr(text if len(text) <= 60 else f'{text[:57]}...')
-
-
-def _identity(path: Path) -> tuple[int, int] | None:
-    """Return what tells a file from one that was written since; None where there is none."""
-    try:
-        found = path.stat()
-    except FileNotFoundError:
-        return None
-    return found.st_ino, found.st_mtime_ns

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 import re
 from collections.abc import Iterator, Mapping
@@ -22,14 +23,14 @@ from occ_constraints_pkg.documents import (
     validate,
 )
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.files import CONSTRAINTS, check_kind, keep_copy, replacing
+from occ_constraints_pkg.files import CONSTRAINTS, check_kind, keep_copy, write_text
 from occ_constraints_pkg.rules.rule import Literal, Rule
 from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.rules.space import Feature, FeatureSpace
 
 SCHEMA_VERSION = 1
-# What pruning notes; see learning.pruning.
-_PRUNED = re.compile(r'(?:^|; )pruned: violated \d+ of \d+ times, below \S+$')
+# The last line of a file that was made from another one.
+_SEAL = re.compile(r'^# not edited since occ wrote it, SHA-256 ([0-9a-f]{64})\n\Z', re.MULTILINE)
 _SCHEMA = load_schema(__package__, 'constraints.schema.json')
 
 
@@ -106,9 +107,7 @@ class Constraints:
         Raises:
             OccError: the file cannot be written.
         """
-        data = self.dumps().encode()
-        with replacing(path, CONSTRAINTS) as draft:
-            draft.write_bytes(data)
+        write_text(path, CONSTRAINTS, self.dumps())
 
 
 def load_constraints(path: str | Path) -> Constraints:
@@ -132,14 +131,8 @@ def save_learned(constraints: Constraints, path: str | Path, *, overwrite: bool 
         OccError: the file there was edited and ``overwrite`` is off, it is no constraints file,
             or it cannot be written.
     """
-    there = _there(path)
-    if there is not None and (there.content.is_edited or there.has_comments):
-        if not overwrite:
-            raise OccError(
-                f'{path} was edited since it was learned (rules changed, disabled or noted, or '
-                'comments added); choose another file, or allow overwriting, which keeps a copy'
-            )
-        keep_copy(path)
+    text = _text_there(path)
+    _keep_edited(path, _is_edited(text, str(path)), overwrite)
     constraints.save(path)
 
 
@@ -148,9 +141,8 @@ def save_derived(
 ) -> None:
     """Write constraints made from a file without losing what a person changed where they go.
 
-    A file is replaced without a question where nothing of a person's is lost: its rules are as
-    learned, or it says what is to be written, whatever was counted and pruned. So the same command
-    may be repeated.
+    The file ends with a line by which its next replacement sees that nobody has edited it, so
+    that the same command may be repeated. A file as it was learned is replaced likewise.
 
     Args:
         constraints: a file's content, counted, pruned or simplified.
@@ -163,58 +155,56 @@ def save_derived(
         OccError: the file there was edited and may not be replaced, it is no constraints file, or
             it cannot be written.
     """
-    there = _there(path)
-    if there is not None:
-        before, after = (_not_counted(item) for item in (there.content, constraints))
-        if there.has_comments or (before.is_edited and before.dumps() != after.dumps()):
-            if not (overwrite or in_place):
-                raise OccError(
-                    f'{path} was edited by hand (rules changed, disabled or noted, or comments '
-                    'added); choose another file, or allow --overwrite, which keeps a copy'
-                )
-            keep_copy(path)
-    constraints.save(path)
+    there = _text_there(path)
+    _keep_edited(
+        path, not _is_sealed(there) and _is_edited(there, str(path)), overwrite or in_place
+    )
+    text = constraints.dumps()
+    write_text(
+        path, CONSTRAINTS, f'{text}# not edited since occ wrote it, SHA-256 {_digest(text)}\n'
+    )
 
 
-@dataclass(frozen=True)
-class _There:
-    """The constraints file that is to be replaced."""
-
-    content: Constraints
-    has_comments: bool
+def _text_there(path: str | Path) -> str:
+    """Return the text of the constraints file that is to be replaced, none where there is none."""
+    check_kind(path, CONSTRAINTS)
+    return read_text(path) if Path(path).exists() else ''
 
 
-def _there(path: str | Path) -> _There | None:
-    """Return what stands at a path; None for nothing, or an empty file.
+def _is_edited(text: str, where: str) -> bool:
+    """Tell whether a person has changed a file since it was learned, its comments included."""
+    if not text:
+        return False
+    text = _SEAL.sub('', text)
+    content = parse_constraints(text, where)
+    # No comment is ever written here; within texts the character may stand.
+    return content.is_edited or ('#' in text and text.count('#') != content.dumps().count('#'))
+
+
+def _is_sealed(text: str) -> bool:
+    seal = _SEAL.search(text)
+    return seal is not None and seal[1] == _digest(text[: seal.start()])
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _keep_edited(path: str | Path, is_edited: bool, allowed: bool) -> None:
+    """Keep a copy of an edited file.
 
     Raises:
-        OccError: it is no constraints file.
+        OccError: it may not be replaced, or no copy can be written.
     """
-    check_kind(path, CONSTRAINTS)
-    target = Path(path)
-    if not target.exists() or not target.stat().st_size:
-        return None
-    text = read_text(target)
-    content = parse_constraints(text, str(path))
-    # None is ever written here but within texts.
-    has_comments = '#' in text and text.count('#') != content.dumps().count('#')
-    return _There(content, has_comments)
-
-
-def _not_counted(constraints: Constraints) -> Constraints:
-    """Return constraints as they were before anything was counted and pruned."""
-    rule_set = constraints.rule_set
-    rules = tuple(
-        replace(
-            rule,
-            evaluated=0,
-            violated=0,
-            note=_PRUNED.sub('', rule.note),
-            enabled=rule.enabled or bool(_PRUNED.search(rule.note)),
+    if not is_edited:
+        return
+    if not allowed:
+        raise OccError(
+            f'{path} was edited since it was learned (rules changed, disabled or noted, or '
+            'comments added); choose another file, or allow overwriting (--overwrite), which '
+            'keeps a copy'
         )
-        for rule in rule_set.rules
-    )
-    return constraints.with_rule_set(replace(rule_set, rules=rules))
+    keep_copy(path)
 
 
 def parse_constraints(text: str, where: str) -> Constraints:

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +43,9 @@ class KeptCounts(RuleCounts):
         # The rule set that the file counts, if it is another one: that file is kept beside.
         self._other = ''
         self.until_ns = 0
-        self.resumed = bool(path) and Path(path).exists() and self._read()
+        # An empty one is what a power cut may leave.
+        is_there = bool(path) and Path(path).exists() and Path(path).stat().st_size != 0
+        self.resumed = is_there and self._read()
         self._is_first = self._is_kept = self.resumed
 
     def add_stamped(self, judgement: Judgement, stamp_ns: int) -> None:
@@ -81,9 +84,10 @@ class KeptCounts(RuleCounts):
             'until_ns': self.until_ns,
             'rules': rules,
         }
-        with replacing(self._path, COUNTS) as draft:
+        # The disk is not waited for: a monitor writes this each second beside its judging.
+        with replacing(self._path, COUNTS, durable=False) as draft:
             if self._other:
-                Path(self._path).replace(f'{self._path}.{self._other}')
+                Path(os.path.realpath(self._path)).replace(f'{self._path}.{self._other}')
                 self._other = ''
             draft.write_text(json.dumps(document, indent=1), encoding='utf-8')
         self._is_kept = True

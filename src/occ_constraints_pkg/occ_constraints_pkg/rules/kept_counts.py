@@ -44,8 +44,8 @@ class KeptCounts(RuleCounts):
         self._other = ''
         self.until_ns = 0
         # An empty one is what a power cut may leave.
-        is_there = bool(path) and Path(path).exists() and Path(path).stat().st_size != 0
-        self.resumed = is_there and self._read()
+        is_empty = Path(path).is_file() and not Path(path).stat().st_size
+        self.resumed = bool(path) and Path(path).exists() and not is_empty and self._read()
         self._is_first = self._is_kept = self.resumed
 
     def add_stamped(self, judgement: Judgement, stamp_ns: int) -> None:

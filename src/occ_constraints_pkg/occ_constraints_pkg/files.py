@@ -21,7 +21,7 @@ from typing import BinaryIO
 from occ_constraints_pkg.errors import OccError
 
 DOCUMENT_BYTES = 8 << 20
-"""A document that people edit is no longer: the largest that was ever learned has a tenth."""
+"""No document that people edit is longer; reading so much YAML takes minutes already."""
 
 
 @contextmanager

@@ -21,7 +21,7 @@ from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.files import ARCHIVE, read_bytes, replacing
 
 _FORMAT = 'occ_constraints checkpoint 2'
-# A hundred times what the largest training of the experiments leaves.
+# Far more than any training leaves, and what a machine that trains has to spare.
 _MOST_BYTES = 1 << 30
 # What the pickle of a checkpoint is made of.
 _OPERATIONS = frozenset(

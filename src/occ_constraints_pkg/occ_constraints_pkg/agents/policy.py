@@ -22,7 +22,7 @@ _FIELD = re.compile(
     r'format|world|columns|action_columns|observation_(mean|variance|clip)|log_std|'
     r'(weight|bias)_[0-9]{1,3}'
 )
-# A thousand times what a policy of the experiments takes.
+# Thousands of times what the shipped policies take.
 _MOST_BYTES = 256 << 20
 # OpenBLAS gives a larger matrix product (rows x inputs x outputs) to several threads. They wait by
 # spinning, which turns 0.1 ms into 10 ms as soon as other processes want the cores.

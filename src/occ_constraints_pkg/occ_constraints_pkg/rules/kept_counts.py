@@ -43,9 +43,7 @@ class KeptCounts(RuleCounts):
         # The rule set that the file counts, if it is another one: that file is kept beside.
         self._other = ''
         self.until_ns = 0
-        # An empty one is what a power cut may leave.
-        is_empty = Path(path).is_file() and not Path(path).stat().st_size
-        self.resumed = bool(path) and Path(path).exists() and not is_empty and self._read()
+        self.resumed = bool(path) and Path(path).exists() and self._read()
         self._is_first = self._is_kept = self.resumed
 
     def add_stamped(self, judgement: Judgement, stamp_ns: int) -> None:

@@ -104,8 +104,6 @@ def test_mistakes(capsys, bag, tmp_path):
     assert code == 2
     code, _, err = run(capsys, 'features', 'suggest', tmp_path / 'nothing')
     assert (code, err.count('\n')) == (2, 1)
-    code, _, err = run(capsys, 'features', 'suggest', bag, '-o', tmp_path / 'no' / 'map.yaml')
-    assert (code, err.count('\n')) == (2, 1)
 
 
 def test_a_table_of_robots(capsys, tmp_path):

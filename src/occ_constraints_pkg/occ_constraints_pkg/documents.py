@@ -21,6 +21,7 @@ from ruamel.yaml.events import AliasEvent
 from ruamel.yaml.representer import SafeRepresenter
 
 from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.files import DOCUMENT_BYTES, read_bytes
 
 
 def load_schema(package: str, name: str) -> dict[str, Any]:
@@ -28,17 +29,17 @@ def load_schema(package: str, name: str) -> dict[str, Any]:
     return json.loads(resources.files(package).joinpath(name).read_text(encoding='utf-8'))
 
 
-def read_text(path: str | Path) -> str:
-    """Return the text of a UTF-8 file.
+def read_text(path: str | Path, limit: int = DOCUMENT_BYTES) -> str:
+    """Return the text of an ordinary UTF-8 file of at most ``limit`` bytes.
 
     Raises:
-        OccError: there is no such file, or it is not text.
+        OccError: there is no such file, it is a device or a pipe, larger, or not text.
     """
     try:
-        return Path(path).read_text(encoding='utf-8')
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else 'it is not UTF-8 text'
-        raise OccError(f'cannot read {path}: {reason}') from error
+        text = read_bytes(path, limit).decode('utf-8')
+    except UnicodeDecodeError as error:
+        raise OccError(f'cannot read {path}: it is not UTF-8 text') from error
+    return text.replace('\r\n', '\n').replace('\r', '\n')
 
 
 def parse_document(text: str, schema: Mapping[str, Any], where: str) -> Any:

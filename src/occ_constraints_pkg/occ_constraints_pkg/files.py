@@ -1,42 +1,239 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Writing that never costs a user what was there before."""
+"""Reading that ends, and writing that never costs a user what was there before."""
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import itertools
 import os
+import re
+import secrets
+import stat
 import weakref
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO
 
 from occ_constraints_pkg.errors import OccError
 
+DOCUMENT_BYTES = 8 << 20
+"""No document that people edit is longer; reading so much YAML takes minutes already."""
+
 
 @contextmanager
-def replacing(path: str | Path) -> Iterator[Path]:
-    """Yield the path of a draft that takes the place of ``path`` when the block ends well.
+def open_regular(path: str | Path, what: str = '') -> Iterator[BinaryIO]:
+    """Open an ordinary file for reading; a device or a pipe, which may never end, is refused.
 
-    Until then, and when the block fails, ``path`` stays as it was and no draft is left. Its
-    directory is made if it is not there.
+    Args:
+        path: the file.
+        what: what it is to be, before its name in messages.
 
     Raises:
-        OccError: writing failed, for example because the disk is full.
+        OccError: it cannot be opened, or is no ordinary file.
+    """
+    named = f'{what} {path}' if what else path
+    try:
+        # A pipe that nobody writes to is opened at once, to be refused.
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    except (OSError, ValueError) as error:
+        raise OccError(f'cannot read {named}: {_reason(error)}') from error
+    mode = os.fstat(descriptor).st_mode
+    if not stat.S_ISREG(mode):
+        os.close(descriptor)
+        is_what = 'directory' if stat.S_ISDIR(mode) else 'device, a pipe or a socket'
+        raise OccError(f'cannot read {named}: it is a {is_what}; allowed is an ordinary file')
+    with os.fdopen(descriptor, 'rb') as stream:
+        yield stream
+
+
+def read_bytes(path: str | Path, limit: int = DOCUMENT_BYTES, what: str = '') -> bytes:
+    """Return the content of an ordinary file of at most ``limit`` bytes.
+
+    Raises:
+        OccError: it cannot be read, is no ordinary file, or is larger.
+    """
+    with open_regular(path, what) as stream:
+        size = os.fstat(stream.fileno()).st_size
+        if size > limit:
+            raise OccError(f'cannot read {path}: it has {size} bytes; allowed are {limit} at most')
+        try:
+            # What is appended meanwhile is not read.
+            return stream.read(size)
+        except OSError as error:
+            raise OccError(f'cannot read {path}: {_reason(error)}') from error
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of file that is written here, and how one is known again.
+
+    Attributes:
+        words: what it is called in messages.
+        pattern: found in the first bytes of every such file.
+        suffixes: how the name of a new one may end; none: as one likes.
+        head: how many of the first bytes are looked through.
+    """
+
+    words: str
+    pattern: re.Pattern[bytes]
+    suffixes: tuple[str, ...] = ()
+    head: int = 4096
+
+
+def _kind(words: str, pattern: bytes, *suffixes: str, head: int = 4096) -> Kind:
+    return Kind(words, re.compile(pattern, re.MULTILINE), suffixes, head)
+
+
+PICTURE = _kind('a PNG picture', rb'\A\x89PNG\r\n\x1a\n', '.png')
+GIF = _kind('a GIF film', rb'\AGIF8[79]a', '.gif')
+MP4 = _kind('an MP4 film', rb'\A[\s\S]{4}ftyp', '.mp4')
+CONSTRAINTS = _kind(
+    'a constraints file', rb'(?:^|[{,]\s*)["\']?rules["\']?\s*:', head=DOCUMENT_BYTES
+)
+FEATURE_MAP = _kind('a feature map', rb'(?:^|[{,]\s*)["\']?features["\']?\s*:', head=DOCUMENT_BYTES)
+C_HEADER = _kind('a C header of rules', rb'\A/\* Safety rules learned from demonstrations')
+RESULTS = _kind('a file of results (JSON)', rb'\A\s*[{\[]')
+COUNTS = _kind('a file of rule counters', rb'\A\s*\{\s*"format":\s*"occ_constraints counts')
+ARCHIVE = _kind('a saved policy or training', rb'\APK\x03\x04')
+TABLE = _kind('a page of text (Markdown)', rb'\A#\s|^\|[ :|-]*-{3}', head=1 << 16)
+PAGE = _kind('a page (HTML)', rb'\A\s*<!doctype html')
+
+
+def check_outputs(
+    outputs: Mapping[str | Path, Kind] | Iterable[tuple[str | Path, Kind]],
+    inputs: Iterable[str | Path] = (),
+) -> None:
+    """Refuse files to write that would cost a user another one, before the work is done.
+
+    An output is never one of the inputs nor another output, under whatever name or link, and
+    never replaces a file of another kind than its own; an empty file is of any kind.
+
+    Args:
+        outputs: the files to write, and what each is to be.
+        inputs: files that the same command reads; directories and what is not there are passed
+            over.
+
+    Raises:
+        OccError: one of these; the sentence names the file and says what is allowed.
+    """
+    pairs = list(outputs.items() if isinstance(outputs, Mapping) else outputs)
+    taken = [(path, 'is read by the same command') for path in inputs]
+    for path, kind in pairs:
+        if kind.suffixes and Path(path).suffix.lower() not in kind.suffixes:
+            raise OccError(
+                f'cannot write {path}: {kind.words} is to be written there; allowed is a name that '
+                f'ends in {" or ".join(kind.suffixes)}'
+            )
+        for other, what in taken:
+            if _is_same(path, other):
+                name = '' if str(path) == str(other) else f' is the same file as {other}, which'
+                raise OccError(f'cannot write {path}: it{name} {what}; allowed is another file')
+        check_kind(path, kind)
+        taken.append((path, 'is to be written by the same command'))
+
+
+def check_kind(path: str | Path, kind: Kind) -> None:
+    """Refuse to write a file where there is one of another kind, a directory or a device.
+
+    Raises:
+        OccError: there is.
     """
     target = Path(path)
     check_is_file_or_nothing(target)
-    draft = target.parent / f'.{target.name}.{os.getpid()}'
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        yield draft
-        os.replace(draft, target)
+        if not target.exists():
+            return
+        with target.open('rb') as stream:
+            head = stream.read(kind.head)
     except OSError as error:
-        raise OccError(f'cannot write {path}: {error.strerror or error}') from error
+        raise OccError(f'cannot write {path}: {_reason(error)}') from error
+    if head and not kind.pattern.search(head):
+        raise OccError(
+            f'cannot write {path}: there is a file that is not {kind.words}, which would be lost; '
+            'allowed is a new file, or one of that kind'
+        )
+
+
+@contextmanager
+def replacing(path: str | Path, kind: Kind, *, durable: bool = True) -> Iterator[Path]:
+    """Yield the path of a draft that takes the place of ``path`` when the block ends well.
+
+    Until then, and when the block fails, ``path`` stays as it was and no draft is left. Its
+    directory is made if it is not there. The draft ends as ``path`` does, is an empty file that
+    nobody else can have prepared, and is on the disk before it takes the place. A file that was
+    there hands on its permissions and, where that is allowed, owner and group; where ``path`` is a
+    link, the file it leads to is replaced.
+
+    Args:
+        path: the file to write.
+        kind: what it is to be; a file of another kind is not replaced.
+        durable: wait until it is on the disk; else a power cut may leave an empty file.
+
+    Raises:
+        OccError: there is a file of another kind, or writing failed, for example because the disk
+            is full.
+    """
+    check_kind(path, kind)
+    draft, descriptor = None, -1
+    try:
+        target = Path(os.path.realpath(path))
+        target.parent.mkdir(parents=True, exist_ok=True)
+        draft = target.with_name(_draft_name(target))
+        flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+        descriptor = os.open(draft, flags, 0o666)
+        yield draft
+        if not os.path.samestat(os.fstat(descriptor), os.lstat(draft)):
+            raise OccError(f'cannot write {path}: another program has replaced the draft {draft}')
+        _take_after(descriptor, target)
+        if durable:
+            os.fsync(descriptor)
+        os.replace(draft, target)
+        if durable:
+            _sync_directory(target.parent)
+    except OSError as error:
+        raise OccError(f'cannot write {path}: {_reason(error)}') from error
     finally:
-        with suppress(OSError):
-            draft.unlink()
+        if descriptor >= 0:
+            os.close(descriptor)
+        if draft is not None:
+            with suppress(OSError):
+                draft.unlink()
+
+
+def write_text(path: str | Path, kind: Kind, text: str) -> None:
+    """Write a text as :func:`replacing` does.
+
+    Raises:
+        OccError: as there.
+    """
+    with replacing(path, kind) as draft:
+        draft.write_bytes(text.encode())
+
+
+def keep_copy(path: str | Path) -> Path:
+    """Copy a file to ``FILE.bak`` and return that; an earlier copy becomes ``FILE.bak.1`` ...
+
+    Raises:
+        OccError: that is not possible.
+    """
+    target = Path(os.path.realpath(path))
+    copy = target.with_name(f'{target.name}.bak')
+    try:
+        content = target.read_bytes()
+        if os.path.lexists(copy):
+            if copy.is_file() and not copy.is_symlink() and copy.read_bytes() == content:
+                return copy
+            copy.rename(_free_name(copy))
+        with replacing(copy, Kind('a copy', re.compile(b''))) as draft:
+            draft.write_bytes(content)
+            draft.chmod(stat.S_IMODE(target.stat().st_mode))
+    except OSError as error:
+        raise OccError(f'cannot write {copy}: {_reason(error)}') from error
+    return copy
 
 
 def check_is_file_or_nothing(path: Path) -> None:
@@ -106,12 +303,65 @@ def set_aside(directory: Path) -> Path:
             f'cannot rename {source}, in which this program was started, to make room; allowed is '
             'another directory, or a start from elsewhere'
         )
-    for number in itertools.count(1):
-        target = source.with_name(f'{source.name}.{number}')
-        if not target.exists():
-            break
+    target = _free_name(source)
     try:
         source.rename(target)
     except OSError as error:
         raise OccError(f'cannot rename {directory} to {target}: {error.strerror}') from error
     return target
+
+
+def _draft_name(target: Path) -> str:
+    # Writers of films choose the format by the end of the name; no name may be over 255 bytes.
+    suffix = target.suffix if len(target.suffix) < 10 else ''
+    return f'.{target.name[:40]}.{secrets.token_hex(8)}{suffix}'
+
+
+def _take_after(descriptor: int, target: Path) -> None:
+    """Give a draft the owner, group and permissions of the file it replaces, if there is one."""
+    try:
+        old = target.stat()
+    except FileNotFoundError:
+        return
+    new = os.fstat(descriptor)
+    for owner, group in ((-1, old.st_gid), (old.st_uid, -1)):
+        if (owner, group) not in ((-1, new.st_gid), (new.st_uid, -1)):
+            # Only an administrator, or a member of the group, may hand a file on.
+            with suppress(PermissionError):
+                os.fchown(descriptor, owner, group)
+    os.fchmod(descriptor, stat.S_IMODE(old.st_mode))
+
+
+def _sync_directory(directory: Path) -> None:
+    """Bring a renaming to the disk."""
+    descriptor = os.open(directory, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        os.fsync(descriptor)
+    except OSError as error:
+        # Some file systems of networks cannot.
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP):
+            raise
+    finally:
+        os.close(descriptor)
+
+
+def _is_same(path: str | Path, other: str | Path) -> bool:
+    """Tell whether two names lead to one file, through whatever links, be it there or not."""
+    try:
+        if os.path.isdir(other):
+            return False
+        if os.path.realpath(path) == os.path.realpath(other):
+            return True
+        return os.path.samefile(path, other)
+    except (OSError, ValueError):
+        return False
+
+
+def _reason(error: OSError | ValueError) -> str:
+    return getattr(error, 'strerror', None) or str(error)
+
+
+def _free_name(path: Path) -> Path:
+    """Return the first of ``NAME.1``, ``NAME.2`` ... that is free."""
+    names = (path.with_name(f'{path.name}.{number}') for number in itertools.count(1))
+    return next(name for name in names if not os.path.lexists(name))

@@ -6,17 +6,37 @@ from __future__ import annotations
 
 import io
 import pickle
-from collections.abc import Mapping
+import pickletools
+import re
+import zipfile
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 
+from occ_constraints_pkg.archives import FAULTS, describe, read_member
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.files import replacing
+from occ_constraints_pkg.files import ARCHIVE, read_bytes, replacing
 
 _FORMAT = 'occ_constraints checkpoint 2'
+# Far more than any training leaves, and what a machine that trains has to spare.
+_MOST_BYTES = 1 << 30
+# What the pickle of a checkpoint is made of.
+_OPERATIONS = frozenset(
+    (
+        *('PROTO', 'STOP', 'MARK', 'BINPUT', 'LONG_BINPUT', 'BINGET', 'LONG_BINGET', 'NONE'),
+        *('NEWTRUE', 'NEWFALSE', 'BININT', 'BININT1', 'BININT2', 'LONG1', 'BINFLOAT'),
+        *('BINUNICODE', 'EMPTY_DICT', 'EMPTY_LIST', 'EMPTY_TUPLE', 'TUPLE', 'TUPLE1', 'TUPLE2'),
+        *('TUPLE3', 'APPEND', 'APPENDS', 'SETITEM', 'SETITEMS', 'GLOBAL', 'BINPERSID'),
+        'REDUCE',
+    )
+)
+_CALLED = ('torch._utils _rebuild_tensor_v2', 'collections OrderedDict')
+_STORAGE = re.compile(r'torch [A-Z][A-Za-z0-9]*Storage')
+_NUMBERS = frozenset(('BINFLOAT', 'BININT', 'BININT1', 'BININT2'))
+_REUSED = ('BINUNICODE', 'GLOBAL', 'tensor', 'pair')
 
 
 def write_checkpoint(path: Path | str, state: Mapping[str, Any]) -> None:
@@ -32,7 +52,7 @@ def write_checkpoint(path: Path | str, state: Mapping[str, Any]) -> None:
     # Not straight to the file: of a full disk torch tells positions, the system what is the matter.
     content = io.BytesIO()
     torch.save({'format': _FORMAT, **_with_tensors(state)}, content)
-    with replacing(path) as draft:
+    with replacing(path, ARCHIVE) as draft:
         draft.write_bytes(content.getbuffer())
 
 
@@ -42,15 +62,76 @@ def read_checkpoint(path: Path | str) -> dict[str, Any]:
     Raises:
         OccError: no such file, or not a checkpoint.
     """
+    content = read_bytes(path, _MOST_BYTES, 'checkpoint')
     try:
-        state = torch.load(path, map_location='cpu', weights_only=True)
-    except OSError as err:
-        raise OccError(f'cannot read checkpoint {path}: {err.strerror or err}') from err
-    except (pickle.UnpicklingError, RuntimeError, EOFError, ValueError, KeyError) as err:
-        raise OccError(f'{path} is not a checkpoint: allowed is {_FORMAT!r}') from err
+        _check_content(content)
+        state = torch.load(io.BytesIO(content), map_location='cpu', weights_only=True)
+    except (*FAULTS, pickle.UnpicklingError, AssertionError, RecursionError) as err:
+        raise OccError(
+            f'{path} is damaged or not a checkpoint ({describe(err)}); allowed is {_FORMAT!r}'
+        ) from err
     if not isinstance(state, dict) or state.get('format') != _FORMAT:
         raise OccError(f'{path} is not a checkpoint: allowed is {_FORMAT!r}')
     return state
+
+
+def _check_content(content: bytes) -> None:
+    """Refuse what torch would not notice: a changed bit, or a few bytes that ask for gigabytes.
+
+    Raises:
+        ValueError: the content is not one that :func:`write_checkpoint` writes.
+        Exception: one of :data:`~occ_constraints_pkg.archives.FAULTS`.
+    """
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        items = archive.infolist()
+        # Nothing is packed, so that nothing can become more than the file.
+        if any(item.compress_type != zipfile.ZIP_STORED for item in items):
+            raise ValueError('it is packed')
+        if sum(item.file_size for item in items) > len(content):
+            raise ValueError('its parts are larger than the whole')
+        names = [item.filename for item in items]
+        if len(set(names)) < len(names):
+            raise ValueError('a part is there twice')
+        for item in items:
+            part = read_member(archive, item)
+            if item.filename.endswith('/data.pkl'):
+                _check_pickle(part)
+
+
+def _check_pickle(part: bytes) -> None:
+    """Refuse a pickle that calls for anything else than tensors, or uses a container twice.
+
+    torch executes nothing else than it knows, but that includes bytearrays of any size, and lists
+    that hold one another twice are walked through in a time that doubles with each.
+
+    Raises:
+        ValueError: it does.
+    """
+    memo: dict[int, str] = {}
+    recent = ['', '', '']
+    for operation, argument, _ in pickletools.genops(part):
+        name = operation.name
+        if name not in _OPERATIONS:
+            raise ValueError(f'the operation {name}')
+        if name == 'GLOBAL' and argument not in _CALLED and not _STORAGE.fullmatch(argument):
+            raise ValueError(f'a call of {argument!r}')
+        if name in ('BINPUT', 'LONG_BINPUT'):
+            memo[argument] = _made_by(recent)
+        elif name in ('BINGET', 'LONG_BINGET') and memo.get(argument) not in _REUSED:
+            raise ValueError('a part that is used twice')
+        else:
+            recent = [*recent[1:], name]
+
+
+def _made_by(operations: Sequence[str]) -> str:
+    """Tell what the last three operations of a pickle have made."""
+    match operations:
+        case [first, second, 'TUPLE2'] if {first, second} <= _NUMBERS:
+            return 'pair'
+        case [_, 'TUPLE', 'REDUCE']:
+            # A dictionary is made from an empty tuple.
+            return 'tensor'
+    return operations[-1]
 
 
 def with_arrays(value: Any) -> Any:
@@ -68,4 +149,7 @@ def _with_tensors(value: Any) -> Any:
         return torch.from_numpy(value.copy())
     if isinstance(value, Mapping):
         return {key: _with_tensors(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        # Copied: what is there twice is not read.
+        return type(value)([_with_tensors(item) for item in value])
     return value

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-import zipfile
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,11 +12,18 @@ from pathlib import Path
 
 import numpy as np
 
+from occ_constraints_pkg.archives import read_arrays
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.files import replacing
+from occ_constraints_pkg.files import ARCHIVE, replacing
 from occ_constraints_pkg.worlds.base import Column
 
 _FORMAT = 'occ_constraints policy 1'
+_FIELD = re.compile(
+    r'format|world|columns|action_columns|observation_(mean|variance|clip)|log_std|'
+    r'(weight|bias)_[0-9]{1,3}'
+)
+# Thousands of times what the shipped policies take.
+_MOST_BYTES = 256 << 20
 # OpenBLAS gives a larger matrix product (rows x inputs x outputs) to several threads. They wait by
 # spinning, which turns 0.1 ms into 10 ms as soon as other processes want the cores.
 _SMALL_PRODUCT = 2**18
@@ -181,7 +188,7 @@ class GaussianPolicy:
         for layer, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
             fields[f'weight_{layer}'] = weight
             fields[f'bias_{layer}'] = bias
-        with replacing(path) as draft, draft.open('wb') as file:
+        with replacing(path, ARCHIVE) as draft, draft.open('wb') as file:
             np.savez(file, **fields)
 
     @classmethod
@@ -191,15 +198,13 @@ class GaussianPolicy:
         Raises:
             OccError: no such file, not a policy file, or shapes that do not fit one another.
         """
-        path = Path(path)
-        try:
-            with path.open('rb') as file, np.load(file, allow_pickle=False) as archive:
-                fields = {name: archive[name] for name in archive.files}
-        except OSError as err:
-            raise OccError(f'cannot read policy file {path}: {err.strerror or err}') from err
-        except (ValueError, EOFError, TypeError, AttributeError, zipfile.BadZipFile) as err:
-            # A bare .npy array has no .files and cannot be entered: both end up here.
-            raise OccError(f'{path} is not a policy file: {_FORMAT} is a NumPy .npz') from err
+        fields = read_arrays(
+            path,
+            lambda name: _FIELD.fullmatch(name) is not None,
+            limit=_MOST_BYTES,
+            what='policy file',
+            fault='not a policy file, or damaged',
+        )
         if str(fields.get('format')) != _FORMAT:
             raise OccError(
                 f'{path} is not a policy file: its field "format" is '

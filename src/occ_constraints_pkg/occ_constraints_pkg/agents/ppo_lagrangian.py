@@ -38,6 +38,7 @@ from occ_constraints_pkg.agents.rollout import (
     checked_cost,
 )
 from occ_constraints_pkg.agents.settings import PPOLagrangianConfig, TrainingMetrics
+from occ_constraints_pkg.archives import describe
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.worlds.base import Column
 from occ_constraints_pkg.worlds.stream import StepBatch
@@ -338,6 +339,7 @@ class PPOLagrangian:
             state = document['learner']
             settings = {**state['config'], **changes}
             settings['hidden'] = tuple(settings['hidden'])
+            _check_sizes(settings['hidden'], state)
             learner = cls(
                 PPOLagrangianConfig(**settings),
                 state['columns'],
@@ -347,8 +349,10 @@ class PPOLagrangian:
             )
             learner._restore(state)
             return learner, with_arrays(document['companions'])
-        except (KeyError, TypeError, ValueError, RuntimeError, AttributeError) as err:
-            raise OccError(f'checkpoint {path} is damaged: {err}') from err
+        except (ArithmeticError, AttributeError, LookupError, MemoryError) as err:
+            raise _damaged(path, err) from err
+        except (TypeError, ValueError, RuntimeError) as err:
+            raise _damaged(path, err) from err
 
     def _state(self) -> dict[str, Any]:
         """Return everything as nested plain values, arrays and tensors."""
@@ -398,3 +402,24 @@ class PPOLagrangian:
         self._rollout.restore(stream['rollout'])
         self._episodes.restore(stream['episodes'])
         self._open, self._last_done = stream['open'], stream['last_done']
+
+
+def _check_sizes(hidden: Sequence[int], state: dict[str, Any]) -> None:
+    """Refuse hidden layers of which the checkpoint does not hold the weights.
+
+    Raises:
+        ValueError: a few bytes ask for networks that would fill the memory.
+    """
+    k, a = len(state['columns']), len(state['action_columns'])
+    widths = (k, *hidden, a)
+    asked = sum(n * m for n, m in zip(widths[:-1], widths[1:], strict=True))
+    held = sum(tensor.untyped_storage().nbytes() for tensor in state['networks'].values())
+    if 4 * asked > held:
+        raise ValueError(f'hidden layers {hidden} take {4 * asked} bytes, and it holds {held}')
+
+
+def _damaged(path: Path | str, error: Exception) -> OccError:
+    return OccError(
+        f'checkpoint {path} is damaged ({type(error).__name__}: {describe(error)}); allowed is '
+        'what a training has saved'
+    )

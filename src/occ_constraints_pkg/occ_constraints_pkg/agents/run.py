@@ -144,8 +144,10 @@ def run(
     try:
         source: CostSource = TrueCost() if constraints is None else RuleCost(constraints, world)
         directory = TrainingDirectory(output, _fixed(settings, constraints, limit))
+        inputs = [] if constraints is None else [settings.cost]
         resumed = None
         if resume and directory.has_checkpoint:
+            directory.keep_apart(inputs)
             learner, resumed = directory.resume(device=settings.device, decay_steps=settings.steps)
             say(f'resumed at {learner.steps} steps')
         else:

@@ -7,15 +7,27 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from occ_constraints_pkg.agents.rule_cost import RuleCost
+from occ_constraints_pkg.archives import describe
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.files import DirectoryLock, make_directory, replacing, set_aside
+from occ_constraints_pkg.files import (
+    ARCHIVE,
+    CONSTRAINTS,
+    RESULTS,
+    DirectoryLock,
+    check_outputs,
+    make_directory,
+    read_bytes,
+    set_aside,
+    write_text,
+)
+from occ_constraints_pkg.rules.constraints_file import save_derived
 from occ_constraints_pkg.worlds.base import World
 from occ_constraints_pkg.worlds.stream import EpisodeStream, StepBatch
 
@@ -24,6 +36,8 @@ if TYPE_CHECKING:
     from occ_constraints_pkg.agents.settings import TrainingMetrics
 
 _SAVE_SECONDS = 10.0
+# Of metrics, a line of some 300 bytes for each update.
+_METRICS_BYTES = 64 << 20
 
 
 class CostSource(Protocol):
@@ -87,10 +101,16 @@ def train(
         learner.interrupt()
         batch = stream.reset()
     else:
-        batch = stream.restore(resumed['stream'])
-        if isinstance(cost_source, RuleCost):
-            cost_source.counts.evaluated[:] = resumed['counts']['evaluated']
-            cost_source.counts.violated[:] = resumed['counts']['violated']
+        try:
+            batch = stream.restore(resumed['stream'])
+            if isinstance(cost_source, RuleCost):
+                cost_source.counts.evaluated[:] = resumed['counts']['evaluated']
+                cost_source.counts.violated[:] = resumed['counts']['violated']
+        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+            raise OccError(
+                f'the checkpoint is damaged: what it says of the world cannot be used '
+                f'({type(error).__name__}: {describe(error)}); allowed is what a training has saved'
+            ) from error
     history: list[TrainingMetrics] = []
     end = math.inf if seconds is None else time.monotonic() + seconds
     limit = math.inf if total_steps is None else total_steps
@@ -129,6 +149,7 @@ class TrainingDirectory:
 
     _METRICS = 'metrics.jsonl'
     _CHECKPOINT = 'checkpoint.pt'
+    _RULES = 'constraints.yaml'
 
     def __init__(self, path: str | Path, settings: Mapping[str, Any] | None = None) -> None:
         self.path = make_directory(path)
@@ -140,15 +161,45 @@ class TrainingDirectory:
         """Make room for a new training; return where an earlier one has been moved, if any.
 
         Raises:
-            OccError: another training is writing there, or the directory cannot be moved.
+            OccError: another training is writing there, the directory cannot be moved, or it
+                holds something else than a training.
         """
         self._claim()
+        self.check_begin()
         earlier = None
         if (self.path / self._METRICS).exists():
             earlier = set_aside(self.path)
             make_directory(self.path)
             self._claim()
         return earlier
+
+    def check_begin(self) -> None:
+        """Refuse to begin among files that are not a training's.
+
+        Raises:
+            OccError: there are some and no training is there.
+        """
+        found = sorted(item.name for item in self.path.iterdir())
+        if found and self._METRICS not in found:
+            raise OccError(
+                f'{self.path} is not empty and holds no training (there is {found[0]!r}); allowed '
+                'is a new directory, an empty one, or that of an earlier training'
+            )
+
+    def keep_apart(self, inputs: Iterable[str | Path]) -> None:
+        """Refuse to write any of its files over one that is read.
+
+        Raises:
+            OccError: one of the inputs is in this directory, by whatever name or link.
+        """
+        kinds = {
+            self._RULES: CONSTRAINTS,
+            self._METRICS: RESULTS,
+            self._CHECKPOINT: ARCHIVE,
+            'policy.npz': ARCHIVE,
+            'summary.json': RESULTS,
+        }
+        check_outputs({self.path / name: kind for name, kind in kinds.items()}, inputs)
 
     def check_world(self, learner: PPOLagrangian, world: str) -> None:
         """Refuse to go on in another world than the one that was trained in.
@@ -192,16 +243,21 @@ class TrainingDirectory:
 
         self._claim()
         learner, companions = PPOLagrangian.load_all(self.path / self._CHECKPOINT, **changes)
-        for name, value in companions['settings'].items():
+        settings = companions.get('settings') if isinstance(companions, dict) else None
+        if not isinstance(settings, dict):
+            raise OccError(
+                f'{self.path / self._CHECKPOINT} is damaged: it tells no settings; allowed is what '
+                'a training has saved'
+            )
+        for name, value in settings.items():
             if name in self._settings and self._settings[name] != value:
                 raise OccError(
                     f'the training in {self.path} has {name} {value!r}; it cannot be resumed with '
                     f'{self._settings[name]!r}'
                 )
         lines = self.history()
-        with replacing(self.path / self._METRICS) as draft:
-            kept = [json.dumps(line) for line in lines if line['updates'] <= learner.updates]
-            draft.write_text(''.join(f'{line}\n' for line in kept), encoding='utf-8')
+        kept = [json.dumps(line) for line in lines if line['updates'] <= learner.updates]
+        write_text(self.path / self._METRICS, RESULTS, ''.join(f'{line}\n' for line in kept))
         return learner, companions
 
     def history(self) -> list[dict[str, Any]]:
@@ -259,12 +315,12 @@ class TrainingDirectory:
         if isinstance(cost_source, RuleCost):
             counts = cost_source.counts
             companions['counts'] = {'evaluated': counts.evaluated, 'violated': counts.violated}
-            cost_source.counted().save(self.path / 'constraints.yaml')
+            # What a person changes there meanwhile is kept beside.
+            save_derived(cost_source.counted(), self.path / self._RULES, overwrite=True)
         learner.policy().save(self.path / 'policy.npz')
         learner.save(self.path / self._CHECKPOINT, **companions)
-        with replacing(self.path / 'summary.json') as draft:
-            summary = {'steps': learner.steps, 'updates': learner.updates}
-            draft.write_text(json.dumps(summary), encoding='utf-8')
+        summary = {'steps': learner.steps, 'updates': learner.updates}
+        write_text(self.path / 'summary.json', RESULTS, json.dumps(summary))
         self._saved_at = time.monotonic()
 
 
@@ -274,14 +330,25 @@ def read_metrics(path: Path) -> list[dict[str, Any]]:
     Raises:
         OccError: the file cannot be read, or is damaged elsewhere.
     """
-    try:
-        text = path.read_text(encoding='utf-8') if path.exists() else ''
-        # What follows the last newline was being written.
-        lines = [json.loads(line) for line in text.split('\n')[:-1] if line]
-        if not all(isinstance(line, dict) and 'updates' in line for line in lines):
-            raise ValueError(path)
-        return lines
-    except OSError as error:
-        raise OccError(f'cannot read {path}: {error.strerror}') from error
-    except ValueError as error:
-        raise OccError(f'{path} is damaged: allowed is one JSON object for each update') from error
+    # What follows the last newline was being written.
+    complete = read_bytes(path, _METRICS_BYTES).split(b'\n')[:-1] if path.exists() else []
+    lines = []
+    for number, text in enumerate(complete, start=1):
+        if not text:
+            continue
+        try:
+            line = json.loads(text)
+        except (ValueError, RecursionError):
+            line = None
+        if not (isinstance(line, dict) and type(line.get('updates')) is int):
+            raise OccError(
+                f'{path} is damaged: allowed is one JSON object for each update, with the number '
+                f'"updates", but line {number} is {_shortened(text)}'
+            )
+        lines.append(line)
+    return lines
+
+
+def _shortened(line: bytes) -> str:
+    text = line.decode('utf-8', errors='replace')
+    return repr(text if len(text) <= 60 else f'{text[:57]}...')

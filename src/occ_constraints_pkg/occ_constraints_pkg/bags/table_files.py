@@ -5,22 +5,24 @@
 from __future__ import annotations
 
 import csv
-import zipfile
-import zlib
+import io
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from occ_constraints_pkg.archives import array_names, read_arrays
 from occ_constraints_pkg.bags.csv_cells import parse_cells, parse_quickly
 from occ_constraints_pkg.bags.dataset import Dataset, sha256_of
 from occ_constraints_pkg.documents import did_you_mean
 from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.files import open_regular
 from occ_constraints_pkg.rules.space import Feature, FeatureSpace
 
 # Columns that are no features. Tables of a simulation call the cost `true_cost`, as its topics do.
 _EPISODE, _COSTS = 'episode', ('cost', 'true_cost')
+_NPZ_ARRAYS = ('features', 'names', 'units', 'families', 'bounds', _EPISODE, *_COSTS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,19 +181,13 @@ def _cost_name(names: Collection[str], path: Path) -> str | None:
 
 
 def _read_npz(path: Path, _wanted: Collection[str] | None) -> _Content:
-    fault = (
-        f'{path} is damaged or no archive of plain arrays; '
-        'allowed is what numpy.savez writes of arrays of numbers and text'
-    )
-    try:
-        with path.open('rb') as stream:
-            if not zipfile.is_zipfile(stream):
-                raise OccError(fault)
-            stream.seek(0)
-            with np.load(stream, allow_pickle=False) as archive:
-                arrays, cost = _npz_arrays(archive, path)
-    except (ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
-        raise OccError(fault) from error
+    arrays = read_arrays(path, _NPZ_ARRAYS.__contains__)
+    if 'features' not in arrays:
+        raise OccError(
+            f"{path} has no array 'features' of shape (rows, k) or (episodes, rows, k); "
+            f'its arrays are {", ".join(array_names(path))}'
+        )
+    cost = _cost_name(arrays, path)
     values = _numbers(arrays['features'], f"{path}: 'features'")
     if values.ndim not in (2, 3) or not values.shape[-1]:
         raise OccError(
@@ -219,21 +215,6 @@ def _read_npz(path: Path, _wanted: Collection[str] | None) -> _Content:
             )
         columns[_EPISODE] = np.repeat(np.arange(shape[0], dtype=np.float64), shape[1])
     return _Content(features, values.reshape(-1, width), columns.get(_EPISODE), columns.get(cost))
-
-
-def _npz_arrays(
-    archive: np.lib.npyio.NpzFile, path: Path
-) -> tuple[dict[str, np.ndarray], str | None]:
-    """Return the arrays that mean something here, and what the one of costs is called."""
-    keys = archive.files
-    if 'features' not in keys:
-        raise OccError(
-            f"{path} has no array 'features' of shape (rows, k) or (episodes, rows, k); "
-            f'its arrays are {", ".join(keys)}'
-        )
-    cost = _cost_name(keys, path)
-    known = ('features', 'names', 'units', 'families', 'bounds', _EPISODE, cost)
-    return {key: archive[key] for key in known if key in keys}, cost
 
 
 def _npz_features(arrays: dict[str, np.ndarray], width: int, path: Path) -> tuple[Feature, ...]:
@@ -274,7 +255,10 @@ def _numbers(array: np.ndarray, where: str) -> np.ndarray:
 def _read_csv(path: Path, wanted: Collection[str] | None) -> _Content:
     try:
         # A byte order mark is what spreadsheets put first.
-        with path.open(encoding='utf-8-sig', newline='') as stream:
+        with (
+            open_regular(path) as binary,
+            io.TextIOWrapper(binary, encoding='utf-8-sig', newline='') as stream,
+        ):
             rows = csv.reader(stream)
             header = [name.strip() for name in next(rows, [])]
             _check_header(header, path)
@@ -332,7 +316,8 @@ def _read_parquet(path: Path, wanted: Collection[str] | None) -> _Content:
             'pip install pyarrow'
         ) from error
     try:
-        schema = pyarrow.parquet.read_schema(path)
+        with open_regular(path) as stream:
+            schema = pyarrow.parquet.read_schema(stream)
         names, _ = _choose(schema.names, wanted, path)
         for name in names:
             kind = schema.field(name).type

@@ -18,6 +18,9 @@ from occ_constraints_pkg.errors import OccError
 
 FEATURE_MAP_HELP = 'Feature map: a YAML file, or a built-in name such as PointGoal1.'
 DATA = click.argument('paths', metavar='DATA...', nargs=-1, required=True, type=click.Path())
+OVERWRITE = click.option(
+    '--overwrite', is_flag=True, help='Replace a file with edited rules (keeps .bak).'
+)
 JSON = click.option('--json', 'as_json', is_flag=True, help='Print one JSON object.')
 
 

@@ -10,6 +10,7 @@ import click
 
 from occ_constraints_pkg.cli.common import JSON, print_json, progress_bar
 from occ_constraints_pkg.errors import OccError, import_needed
+from occ_constraints_pkg.files import check_outputs
 
 
 @click.command()
@@ -72,6 +73,7 @@ def drive(
         _tell(output, numbers, as_json)
         return
     film = import_needed('occ drive', 'occ_constraints_pkg.report.film')
+    check_outputs({output: film.kind_of(Path(output))}, [driver])
     simulated = make_world(world, 1)
     act = find_driver(simulated, driver, np.random.default_rng(seed))
     with progress_bar('drawing') as progress:
@@ -98,6 +100,7 @@ def _drive_highway(
     from occ_constraints_pkg.worlds.registry import world_class
 
     film = import_needed('occ drive', 'occ_constraints_pkg.report.highway_film')
+    check_outputs({output: film.kind_of(output)}, [driver, *([constraints] if constraints else [])])
     kind = world_class(world)
     if number >= kind.scenarios:
         raise OccError(

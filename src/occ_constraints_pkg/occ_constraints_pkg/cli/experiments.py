@@ -22,7 +22,7 @@ from occ_constraints_pkg.cli.common import (
 from occ_constraints_pkg.cli.recorded_experiments import ngsim, robots, warnings, worlds
 from occ_constraints_pkg.cli.tree_options import seed_option, tree_options, tree_settings
 from occ_constraints_pkg.errors import import_needed
-from occ_constraints_pkg.files import make_directory, replacing
+from occ_constraints_pkg.files import RESULTS, TABLE, make_directory, write_text
 from occ_constraints_pkg.stopping import stop_request
 
 
@@ -202,9 +202,9 @@ def alarms(output: str, as_json: bool, **given: Any) -> None:
     with progress_bar('draws') as progress:
         result = module.run_alarms(module.AlarmSettings(**given), progress=progress)
     table = module.markdown(result)
-    for name, text in (('alarms.json', json.dumps(result, indent=1) + '\n'), ('alarms.md', table)):
-        with replacing(make_directory(output) / name) as draft:
-            draft.write_text(text, encoding='utf-8')
+    document = json.dumps(result, indent=1) + '\n'
+    for name, kind, text in (('alarms.json', RESULTS, document), ('alarms.md', TABLE, table)):
+        write_text(Path(output) / name, kind, text)
     if as_json:
         print_json(result)
         return
@@ -273,10 +273,8 @@ def depth(
         )
     folder = make_directory(output)
     document = depths_document(results)
-    with replacing(folder / 'depth.json') as draft:
-        draft.write_text(json.dumps(document, indent=2) + '\n', encoding='utf-8')
-    with replacing(folder / 'depth.png') as draft:
-        picture.draw_depths(draft, results)
+    write_text(folder / 'depth.json', RESULTS, json.dumps(document, indent=2) + '\n')
+    picture.draw_depths(folder / 'depth.png', results)
     if as_json:
         print_json(document)
         return

@@ -28,14 +28,15 @@ def c(constraints: str, output: str | None, prefix: str) -> None:
     \b
     Example: occ export c constraints.yaml -o rules.h
     """
-    from occ_constraints_pkg.files import replacing
+    from occ_constraints_pkg.files import C_HEADER, check_outputs, write_text
     from occ_constraints_pkg.rules.constraints_file import load_constraints
     from occ_constraints_pkg.rules.export_c import export_c
 
+    if output is not None:
+        check_outputs({output: C_HEADER}, [constraints])
     text = export_c(load_constraints(constraints).rule_set, prefix)
     if output is None:
         click.echo(text, nl=False)
         return
-    with replacing(output) as draft:
-        draft.write_text(text, encoding='utf-8')
+    write_text(output, C_HEADER, text)
     click.echo(f'Written to {output}')

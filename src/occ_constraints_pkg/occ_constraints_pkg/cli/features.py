@@ -15,6 +15,7 @@ from occ_constraints_pkg.cli.common import (
     warn,
 )
 from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.files import FEATURE_MAP, write_text
 
 
 @click.group()
@@ -51,10 +52,7 @@ def suggest(bag: str, output: str | None, as_json: bool) -> None:
         warn(sentence)
     text = suggestion_text(suggestion)
     if output:
-        try:
-            Path(output).write_text(text, encoding='utf-8')
-        except OSError as error:
-            raise OccError(f'cannot write {output}: {error.strerror}') from error
+        write_text(output, FEATURE_MAP, text)
     if as_json:
         print_json(
             {

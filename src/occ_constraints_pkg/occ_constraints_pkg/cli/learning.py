@@ -12,11 +12,13 @@ from occ_constraints_pkg.cli.common import (
     DATA,
     FEATURE_MAP_HELP,
     JSON,
+    OVERWRITE,
     print_json,
     progress_bar,
     warn,
 )
 from occ_constraints_pkg.cli.tree_options import seed_option, tree_options, tree_settings
+from occ_constraints_pkg.files import CONSTRAINTS, check_outputs
 from occ_constraints_pkg.report.rules import describe_promise, describe_rules
 
 
@@ -40,7 +42,7 @@ from occ_constraints_pkg.report.rules import describe_promise, describe_rules
     'repeated.',
 )
 @seed_option
-@click.option('--overwrite', is_flag=True, help='Replace a file with edited rules (keeps .bak).')
+@OVERWRITE
 @JSON
 def learn(
     paths: tuple[str, ...],
@@ -67,6 +69,7 @@ def learn(
     from occ_constraints_pkg.rules.constraints_file import save_learned
 
     settings = tree_settings(**tree)
+    check_outputs({output: CONSTRAINTS}, [*paths, *calibrate_on, *([map_name] if map_name else [])])
     with progress_bar('reading') as progress:
         constraints = learn_from_files(
             paths,

@@ -15,7 +15,7 @@ from occ_constraints_pkg.cli.common import (
     progress_bar,
 )
 from occ_constraints_pkg.errors import import_needed
-from occ_constraints_pkg.files import replacing
+from occ_constraints_pkg.files import RESULTS, TABLE, write_text
 
 
 @click.command()
@@ -104,9 +104,9 @@ def worlds(output: str, episodes: int, data: str | None, as_json: bool) -> None:
     for reason in result['skipped'].values():
         click.echo(f'skipped: {reason}', err=True)
     table = module.markdown(result)
-    for name, text in (('worlds.json', json.dumps(result, indent=2) + '\n'), ('worlds.md', table)):
-        with replacing(Path(output) / name) as draft:
-            draft.write_text(text, encoding='utf-8')
+    document = json.dumps(result, indent=2) + '\n'
+    for name, kind, text in (('worlds.json', RESULTS, document), ('worlds.md', TABLE, table)):
+        write_text(Path(output) / name, kind, text)
     if as_json:
         print_json(result)
         return

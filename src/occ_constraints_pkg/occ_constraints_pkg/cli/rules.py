@@ -12,6 +12,7 @@ from occ_constraints_pkg.bags.timeline import BRIDGE_SECONDS, TIMEOUT_SECONDS, m
 from occ_constraints_pkg.cli.common import (
     DATA,
     JSON,
+    OVERWRITE,
     Seconds,
     needed_cost,
     number,
@@ -21,6 +22,7 @@ from occ_constraints_pkg.cli.common import (
     warn,
 )
 from occ_constraints_pkg.errors import OccError, import_needed
+from occ_constraints_pkg.files import CONSTRAINTS, PICTURE, check_outputs
 from occ_constraints_pkg.report.evidence import describe_why, why_document
 from occ_constraints_pkg.report.rules import describe_promise, describe_rules
 from occ_constraints_pkg.report.traffic import rule_rows, rules_table
@@ -111,6 +113,7 @@ def show(constraints: str, why: str | None, traffic: bool, as_json: bool) -> Non
     type=Seconds(),
     help='For --warn: seconds over which rates of change are looked for.',
 )
+@OVERWRITE
 @JSON
 def check(
     paths: tuple[str, ...],
@@ -121,6 +124,7 @@ def check(
     plot: str | None,
     horizon: float | None,
     warning_window: float,
+    overwrite: bool,
     as_json: bool,
 ) -> int:
     """Judge recordings or tables by a constraints file: when is which rule violated, how far.
@@ -137,8 +141,12 @@ def check(
     from occ_constraints_pkg.report.timeline import describe_timeline, timeline_document
     from occ_constraints_pkg.report.warnings import describe_warnings, warnings_document
     from occ_constraints_pkg.rules import RuleCounts, Verdict
-    from occ_constraints_pkg.rules.constraints_file import load_constraints
+    from occ_constraints_pkg.rules.constraints_file import load_constraints, save_derived
 
+    check_outputs(
+        [(path, kind) for path, kind in ((counted, CONSTRAINTS), (plot, PICTURE)) if path],
+        [constraints, *paths],
+    )
     draw = plot and import_needed('occ check --plot', 'occ_constraints_pkg.report.timeline_picture')
     loaded = load_constraints(constraints)
     data = read_data(paths, loaded, constraints)
@@ -149,7 +157,8 @@ def check(
     counts = RuleCounts(rule_set)
     counts.add(judgement)
     if counted:
-        loaded.with_rule_set(rule_set.with_counts(counts)).save(counted)
+        derived = loaded.with_rule_set(rule_set.with_counts(counts))
+        save_derived(derived, counted, overwrite=overwrite)
     timeline = make_timeline(rule_set, data, judgement, timeout=timeout, bridge=bridge)
     if draw:
         draw.draw_timeline(Path(plot), timeline, rule_set)
@@ -235,9 +244,15 @@ def score(constraints: str, paths: tuple[str, ...], min_f1: float | None, as_jso
 @click.option(
     '--counts', type=click.Path(), help="Counters of a monitor (its counts_file); default: FILE's."
 )
+@OVERWRITE
 @JSON
 def prune(
-    constraints: str, threshold: float, output: str | None, counts: str | None, as_json: bool
+    constraints: str,
+    threshold: float,
+    output: str | None,
+    counts: str | None,
+    overwrite: bool,
+    as_json: bool,
 ) -> None:
     """Disable rules that are rarely violated, by the counters in the file.
 
@@ -247,9 +262,11 @@ def prune(
     Example: occ prune constraints.yaml --threshold 0.001 -o pruned.yaml
     """
     from occ_constraints_pkg.learning.pruning import prune as prune_rules
-    from occ_constraints_pkg.rules.constraints_file import load_constraints
+    from occ_constraints_pkg.rules.constraints_file import load_constraints, save_derived
     from occ_constraints_pkg.rules.kept_counts import read_counts
 
+    if output is not None:
+        check_outputs({output: CONSTRAINTS}, [constraints, *([counts] if counts else [])])
     loaded = load_constraints(constraints)
     rule_set = loaded.rule_set
     if counts is not None:
@@ -257,7 +274,7 @@ def prune(
     result = prune_rules(rule_set, threshold)
     pruned = loaded.with_rule_set(result.rule_set)
     target = output or constraints
-    pruned.save(target)
+    save_derived(pruned, target, overwrite=overwrite, in_place=output is None)
     if as_json:
         print_json(
             {
@@ -278,8 +295,11 @@ def prune(
 @click.option(
     '--counted', is_flag=True, help='Also rules with counters; those that change begin at 0.'
 )
+@OVERWRITE
 @JSON
-def simplify(constraints: str, output: str | None, counted: bool, as_json: bool) -> None:
+def simplify(
+    constraints: str, output: str | None, counted: bool, overwrite: bool, as_json: bool
+) -> None:
     """Make rules fewer and shorter without changing a verdict.
 
     Drops what is implied, merges neighbours, removes what other rules contain. Rules that are
@@ -290,13 +310,15 @@ def simplify(constraints: str, output: str | None, counted: bool, as_json: bool)
     Example: occ simplify constraints.yaml -o shorter.yaml
     """
     from occ_constraints_pkg.learning.simplification import simplify as simplify_rules
-    from occ_constraints_pkg.rules.constraints_file import load_constraints
+    from occ_constraints_pkg.rules.constraints_file import load_constraints, save_derived
 
+    if output is not None:
+        check_outputs({output: CONSTRAINTS}, [constraints])
     loaded = load_constraints(constraints)
     result = simplify_rules(loaded.rule_set, counted_too=counted)
     simpler = loaded.with_equal_rules(result.rule_set)
     target = output or constraints
-    simpler.save(target)
+    save_derived(simpler, target, overwrite=overwrite, in_place=output is None)
     if as_json:
         print_json(
             {

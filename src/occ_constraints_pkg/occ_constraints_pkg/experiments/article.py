@@ -41,6 +41,7 @@ from occ_constraints_pkg.experiments.article_data import (
 )
 from occ_constraints_pkg.experiments.article_printed import METHODS, NOISE_LEVELS, markdown
 from occ_constraints_pkg.experiments.conditions import data_folder, machine, versions
+from occ_constraints_pkg.files import RESULTS, TABLE, make_directory, write_text
 from occ_constraints_pkg.learning.octree import fit_tree, oversteps
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.learning.tree import Node
@@ -110,7 +111,7 @@ def run_article(
             f'{file} holds results of other settings (seed {old["settings"]["seed"]}, '
             f'{old["settings"]["splits"]} splits); allowed is the same or another directory'
         )
-    output.mkdir(parents=True, exist_ok=True)
+    make_directory(output)
     cells, skipped = old.get('cells', {}), {}
     todo = []
     for benchmark in BENCHMARKS:
@@ -143,11 +144,11 @@ def run_article(
                 'noise_percent': noise,
                 **_run_cell(benchmark, values, classes, target, noise, splits, rng),
             }
-            _write(file, json.dumps(result, indent=1, allow_nan=False) + '\n')
+            write_text(file, RESULTS, json.dumps(result, indent=1, allow_nan=False) + '\n')
         if progress is not None:
             progress(number + 1, len(todo))
-    _write(file, json.dumps(result, indent=1, allow_nan=False) + '\n')
-    _write(output / 'article.md', markdown(cells))
+    write_text(file, RESULTS, json.dumps(result, indent=1, allow_nan=False) + '\n')
+    write_text(output / 'article.md', TABLE, markdown(cells))
     return result
 
 
@@ -300,10 +301,3 @@ def _summary(scores: Sequence[tuple[float, float, float]]) -> dict[str, dict[str
 
 def _mean(values: Sequence[float]) -> float:
     return round(float(np.mean(values)), 4)
-
-
-def _write(path: Path, text: str) -> None:
-    """Write so that a stop leaves the old or the new file, never a part."""
-    part = path.with_suffix(path.suffix + '.part')
-    part.write_text(text, encoding='utf-8')
-    part.replace(path)

@@ -29,7 +29,7 @@ from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.experiments.conditions import machine, versions
 from occ_constraints_pkg.experiments.highway_agents import OUTCOMES, CountedHighway, LastingRuleCost
 from occ_constraints_pkg.experiments.highway_fidelity import drive_both
-from occ_constraints_pkg.files import make_directory, replacing
+from occ_constraints_pkg.files import RESULTS, TABLE, make_directory, write_text
 from occ_constraints_pkg.learning.learn import learn
 from occ_constraints_pkg.report.highway_film import draw_drives, drive_through
 from occ_constraints_pkg.report.highway_results import draw_curves, markdown, summary
@@ -150,10 +150,8 @@ def run_highway(
     if not lines:
         # Stopped in the first training: nothing to tell, nor to replace an earlier result by.
         return document
-    with replacing(output / 'highway.json') as draft:
-        draft.write_text(json.dumps(document, indent=None) + '\n', encoding='utf-8')
-    with replacing(output / 'highway.md') as draft:
-        draft.write_text(markdown(document['summary']), encoding='utf-8')
+    write_text(output / 'highway.json', RESULTS, json.dumps(document, indent=None) + '\n')
+    write_text(output / 'highway.md', TABLE, markdown(document['summary']))
     draw_curves(output / 'highway.png', lines)
     if settings.drawn is not None:
         _draw_drives(output, settings)
@@ -242,8 +240,7 @@ def train_agent(
                 f'more, got {settings.steps}'
             )
         kept = [line for line in read_metrics(log) if line['updates'] <= learner.updates]
-        with replacing(log) as draft:
-            draft.write_text(''.join(json.dumps(line) + '\n' for line in kept), encoding='utf-8')
+        write_text(log, RESULTS, ''.join(json.dumps(line) + '\n' for line in kept))
     else:
         learner = PPOLagrangian(config, world.columns, world.action_columns, world.name, seed)
         directory.begin()
@@ -301,9 +298,8 @@ def _judged(
         policy = GaussianPolicy.load(folder / 'policy.npz')
         numbers = range(settings.in_highway_env)
         result['in_highway_env'] = asdict(drive_both(policy, numbers))
-    with replacing(file) as draft:
-        text = json.dumps({'steps': settings.steps, **result}, indent=1)
-        draft.write_text(text + '\n', encoding='utf-8')
+    text = json.dumps({'steps': settings.steps, **result}, indent=1)
+    write_text(file, RESULTS, text + '\n')
     return result
 
 

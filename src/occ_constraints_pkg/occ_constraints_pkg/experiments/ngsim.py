@@ -27,7 +27,7 @@ from occ_constraints_pkg.bags.feature_map import FeatureMap, load_feature_map
 from occ_constraints_pkg.bags.importers.convert import read_drives
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.experiments.conditions import data_folder
-from occ_constraints_pkg.files import make_directory, replacing
+from occ_constraints_pkg.files import RESULTS, TABLE, make_directory, write_text
 from occ_constraints_pkg.learning.learn import is_safe, learn
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.report.traffic import rule_rows, rules_table
@@ -107,12 +107,11 @@ def run_ngsim(
         },
     }
     make_directory(output)
-    for name, text in (
-        ('ngsim.json', json.dumps(result, indent=1, ensure_ascii=False) + '\n'),
-        ('ngsim.md', markdown(result)),
+    for name, kind, text in (
+        ('ngsim.json', RESULTS, json.dumps(result, indent=1, ensure_ascii=False) + '\n'),
+        ('ngsim.md', TABLE, markdown(result)),
     ):
-        with replacing(output / name) as draft:
-            draft.write_text(text, encoding='utf-8')
+        write_text(output / name, kind, text)
     return result
 
 

@@ -33,6 +33,7 @@ from occ_constraints_pkg.bags.recording import Recording
 from occ_constraints_pkg.bags.suggest import suggest
 from occ_constraints_pkg.documents import parse_yaml
 from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.files import FEATURE_MAP, RESULTS, TABLE, make_directory, write_text
 from occ_constraints_pkg.learning.learn import learn
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.report.features import suggestion_text
@@ -88,18 +89,15 @@ def run_robots(
     """
     folder = data_folder() if folder is None else folder
     chosen = tuple(kinds) or KINDS
-    try:
-        output.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OccError(f'cannot write to {output}: {error.strerror}') from error
+    make_directory(output)
     result: dict[str, Any] = {'contamination': _CONTAMINATION, 'kinds': {}}
     for done, kind in enumerate(chosen):
         if progress is not None:
             progress(done, len(chosen))
         result['kinds'][kind], text = _run_kind(folder, kind)
-        (output / f'robots_{kind}.yaml').write_text(text, encoding='utf-8')
-    (output / 'robots.json').write_text(json.dumps(result, indent=2) + '\n', encoding='utf-8')
-    (output / 'robots.md').write_text(_markdown(result), encoding='utf-8')
+        write_text(output / f'robots_{kind}.yaml', FEATURE_MAP, text)
+    write_text(output / 'robots.json', RESULTS, json.dumps(result, indent=2) + '\n')
+    write_text(output / 'robots.md', TABLE, _markdown(result))
     return result
 
 

@@ -44,6 +44,12 @@ def train_seeds(
         OccError: a training has ended with an error; the others are stopped, saved.
     """
     make_directory(output)
+    found = sorted(item.name for item in output.iterdir())
+    if found and not any(name.startswith('seed_') for name in found):
+        raise OccError(
+            f'{output} is not empty and holds no trainings (there is {found[0]!r}); allowed is a '
+            'new directory, an empty one, or that of earlier seeds'
+        )
     directories = {seed: output / f'seed_{seed}' for seed in seeds}
     waiting, running = list(seeds), {}
     # One core each: processes of several worlds would only wait for one another.

@@ -20,7 +20,7 @@ from occ_constraints_pkg.bags.feature_map import load_feature_map
 from occ_constraints_pkg.experiments.conditions import machine, versions
 from occ_constraints_pkg.experiments.seeds import seeds_summary, train_seeds
 from occ_constraints_pkg.experiments.states import first_episodes
-from occ_constraints_pkg.files import make_directory, replacing
+from occ_constraints_pkg.files import RESULTS, make_directory, write_text
 from occ_constraints_pkg.learning.learn import learn
 from occ_constraints_pkg.rules.constraints_file import Constraints, load_constraints
 from occ_constraints_pkg.worlds.registry import make_world
@@ -111,8 +111,7 @@ def run_transfer(
         'machine': machine(),
         'versions': versions(('numpy', 'torch', 'mujoco')),
     }
-    with replacing(output / 'transfer.json') as draft:
-        draft.write_text(json.dumps(document, indent=1) + '\n', encoding='utf-8')
+    write_text(output / 'transfer.json', RESULTS, json.dumps(document, indent=1) + '\n')
     return document
 
 

@@ -26,7 +26,7 @@ from occ_constraints_pkg.bags.feature_map import FeatureMap, load_feature_map
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.experiments.conditions import machine, versions
 from occ_constraints_pkg.experiments.states import drive_states
-from occ_constraints_pkg.files import make_directory, replacing
+from occ_constraints_pkg.files import RESULTS, TABLE, make_directory, write_text
 from occ_constraints_pkg.learning.learn import learn
 from occ_constraints_pkg.learning.scoring import score_flags
 from occ_constraints_pkg.learning.settings import OCTreeSettings
@@ -296,8 +296,6 @@ def _spread(value: Mapping[str, float | None] | None) -> str:
 
 
 def _write_all(output: Path, result: Mapping[str, Any]) -> None:
-    with replacing(output / 'truth.json') as draft:
-        draft.write_text(json.dumps(result, indent=1, allow_nan=False) + '\n', encoding='utf-8')
-    with replacing(output / 'truth.md') as draft:
-        draft.write_text(markdown(result['lines']), encoding='utf-8')
+    write_text(output / 'truth.json', RESULTS, json.dumps(result, indent=1, allow_nan=False) + '\n')
+    write_text(output / 'truth.md', TABLE, markdown(result['lines']))
     draw_truth(output / 'truth.png', result['lines'])

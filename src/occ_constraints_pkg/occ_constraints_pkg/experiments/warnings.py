@@ -30,7 +30,7 @@ from occ_constraints_pkg.experiments.robots import (
     safe_recordings,
     suggested_map,
 )
-from occ_constraints_pkg.files import make_directory, replacing
+from occ_constraints_pkg.files import RESULTS, TABLE, make_directory, write_text
 from occ_constraints_pkg.learning.learn import learn
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.report.warnings import warnings_summary
@@ -82,12 +82,11 @@ def run_warnings(
             'violating': [_tried(rule_set, violating, horizon) for horizon in HORIZONS],
             'safe': [_tried(rule_set, safe, horizon) for horizon in HORIZONS],
         }
-    for name, text in (
-        ('warnings.json', json.dumps(result, indent=2) + '\n'),
-        ('warnings.md', _markdown(result)),
+    for name, kind, text in (
+        ('warnings.json', RESULTS, json.dumps(result, indent=2) + '\n'),
+        ('warnings.md', TABLE, _markdown(result)),
     ):
-        with replacing(output / name) as draft:
-            draft.write_text(text, encoding='utf-8')
+        write_text(output / name, kind, text)
     return result
 
 

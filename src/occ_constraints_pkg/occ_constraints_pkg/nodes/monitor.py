@@ -16,6 +16,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from occ_constraints_pkg.bags.feature_map import map_of
 from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.files import CONSTRAINTS, check_outputs
 from occ_constraints_pkg.ros.diagnostics import report_message
 from occ_constraints_pkg.ros.judging import Judging
 from occ_constraints_pkg.ros.managed import ManagedNode
@@ -115,6 +116,9 @@ class Monitor(ManagedNode):
         self._rules.counts_file = self.value('counts_file')
         self._rules.edits = self._edits()
         path = self.value('constraints_file')
+        if self.value('pruned_file'):
+            inputs = [name for name in (path, self.value('counts_file')) if name]
+            check_outputs({self.value('pruned_file'): CONSTRAINTS}, inputs)
         if path:
             self._use(load_constraints(path), path, strict=True)
         if self._offered:

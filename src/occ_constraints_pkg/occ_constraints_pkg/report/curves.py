@@ -16,7 +16,7 @@ import numpy as np
 from matplotlib import pyplot as plt
 
 from occ_constraints_pkg.agents.evaluation import half_width
-from occ_constraints_pkg.files import replacing
+from occ_constraints_pkg.files import PICTURE, replacing
 
 _BLUE, _RED, _GREY = '#3b6ea5', '#c8362b', '#555555'
 _DOTS_PER_INCH = 110
@@ -69,7 +69,7 @@ def draw_training(
             0.995, 0.01, f'mean and 95 % interval of {len(histories)} seeds', ha='right', fontsize=7
         )
     figure.tight_layout()
-    with replacing(path) as draft:
+    with replacing(path, PICTURE) as draft:
         figure.savefig(draft, dpi=_DOTS_PER_INCH, format='png')
     plt.close(figure)
 

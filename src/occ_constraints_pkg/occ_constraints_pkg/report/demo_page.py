@@ -16,6 +16,7 @@ from occ_constraints_pkg.agents.rule_cost import RuleCost
 from occ_constraints_pkg.agents.training import read_metrics
 from occ_constraints_pkg.bags.extract import extract
 from occ_constraints_pkg.bags.feature_map import FeatureMap
+from occ_constraints_pkg.files import PAGE, write_text
 from occ_constraints_pkg.report.curves import draw_training
 from occ_constraints_pkg.report.pictures import draw_drives, draw_rules
 from occ_constraints_pkg.rules.constraints_file import Constraints
@@ -66,7 +67,7 @@ def write_demo_page(
     rule_set = constraints.rule_set
     template = resources.files(__package__).joinpath('demo_page.html.j2').read_text('utf-8')
     page = output / 'index.html'
-    page.write_text(
+    text = (
         Environment(autoescape=True, undefined=StrictUndefined)
         .from_string(template)
         .render(
@@ -76,7 +77,7 @@ def write_demo_page(
             scores=scores,
             limit=cost_limit,
             rules=[(rule.id, rule.words(rule_set.space)) for rule in rule_set.rules],
-        ),
-        encoding='utf-8',
+        )
     )
+    write_text(page, PAGE, text)
     return page

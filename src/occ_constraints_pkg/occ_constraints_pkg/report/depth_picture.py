@@ -15,6 +15,7 @@ from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
+from occ_constraints_pkg.files import PICTURE, replacing
 from occ_constraints_pkg.learning.ablation import DepthResult
 
 _TRAINING, _HELD_OUT, _COUNT = '#3b6ea5', '#6aa84f', '#555555'
@@ -55,7 +56,8 @@ def draw_depths(path: Path, results: Sequence[DepthResult]) -> None:
         axis.grid(alpha=0.3)
         axis.legend(fontsize=8)
     figure.tight_layout()
-    figure.savefig(path, dpi=_DOTS_PER_INCH, format='png')
+    with replacing(path, PICTURE) as draft:
+        figure.savefig(draft, dpi=_DOTS_PER_INCH, format='png')
     plt.close(figure)
 
 

@@ -22,7 +22,7 @@ from matplotlib.patches import Circle, FancyArrow, Patch, Polygon
 from scipy.spatial import ConvexHull
 
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.files import replacing
+from occ_constraints_pkg.files import GIF, MP4, PICTURE, Kind, replacing
 from occ_constraints_pkg.worlds.base import World
 from occ_constraints_pkg.worlds.geometry import matrix_of
 from occ_constraints_pkg.worlds.stream import EpisodeStream
@@ -41,6 +41,7 @@ _SEE_THROUGH = {'goal': 0.35, 'hazard': 0.6}
 _DOTS_PER_INCH = 80
 _FRAMES_PER_SECOND = 12
 _WRITERS = {'.gif': 'pillow', '.mp4': 'ffmpeg'}
+_KINDS = {'.png': PICTURE, '.gif': GIF, '.mp4': MP4}
 # Half the side of the square in which things are placed, in m.
 _ARENA = 1.5
 
@@ -80,15 +81,12 @@ def draw_episode(
     Raises:
         OccError: the world has no view, or there is no way to write such a file.
     """
+    kind = kind_of(path)
     suffix = path.suffix.lower()
-    if suffix != '.png' and not animation.writers.is_available(_WRITERS.get(suffix, '')):
-        raise OccError(
-            f'cannot write {path}: allowed are .png, .gif and, where ffmpeg is installed, .mp4'
-        )
     moments = _drive(world, driver, steps, seed)
     stage = _Stage(world.name, moments)
     try:
-        with replacing(path) as draft:
+        with replacing(path, kind) as draft:
             if suffix == '.png':
                 stage.show(len(moments) - 1)
                 stage.figure.savefig(draft, format='png', dpi=_DOTS_PER_INCH)
@@ -97,18 +95,29 @@ def draw_episode(
                 stride = max(1, round(1 / (_FRAMES_PER_SECOND * world.step_seconds)))
                 frames = range(0, len(moments), stride)
                 writer = animation.writers[_WRITERS[suffix]](fps=1 / (stride * world.step_seconds))
-                # The writer chooses the format by the name.
-                named = draft.with_name(draft.name + suffix)
-                with writer.saving(stage.figure, str(named), _DOTS_PER_INCH):
+                with writer.saving(stage.figure, str(draft), _DOTS_PER_INCH):
                     for number, index in enumerate(frames, start=1):
                         stage.show(index)
                         writer.grab_frame()
                         progress(number, len(frames))
-                named.replace(draft)
     finally:
         plt.close(stage.figure)
     last = moments[-1]
     return {'steps': len(moments) - 1, 'return': last.total, 'cost': last.cost}
+
+
+def kind_of(path: Path) -> Kind:
+    """Return what :func:`draw_episode` writes to a file of this name.
+
+    Raises:
+        OccError: there is no way to write such a file.
+    """
+    suffix = path.suffix.lower()
+    if suffix != '.png' and not animation.writers.is_available(_WRITERS.get(suffix, '')):
+        raise OccError(
+            f'cannot write {path}: allowed are .png, .gif and, where ffmpeg is installed, .mp4'
+        )
+    return _KINDS[suffix]
 
 
 def draw_things(axis: Axes, things: Sequence[Thing]) -> list[Artist]:

@@ -20,7 +20,7 @@ from matplotlib.patches import Polygon
 
 from occ_constraints_pkg.agents.rule_cost import RuleCost
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.files import replacing
+from occ_constraints_pkg.files import GIF, PICTURE, Kind, replacing
 from occ_constraints_pkg.rules.constraints_file import Constraints
 from occ_constraints_pkg.worlds.highway import Highway
 from occ_constraints_pkg.worlds.highway_scenarios import LANE_WIDTH
@@ -92,18 +92,25 @@ def draw_drives(path: Path, drives: Mapping[str, Drive], constraints: Constraint
         OccError: the suffix is another one, a rule speaks of what the highway does not show, or
             the file cannot be written.
     """
-    suffix = path.suffix.lower()
-    if suffix not in ('.png', '.gif'):
-        raise OccError(f'cannot write {path}: allowed are .png and .gif')
+    kind = kind_of(path)
     broken = {name: _violations(drive, constraints) for name, drive in drives.items()}
-    with replacing(path) as draft:
-        if suffix == '.png':
+    with replacing(path, kind) as draft:
+        if kind is PICTURE:
             _draw_strip(draft, drives, broken)
         else:
-            # The writer chooses the format by the name.
-            named = draft.with_name(f'{draft.name}.gif')
-            _draw_film(named, drives, broken)
-            named.replace(draft)
+            _draw_film(draft, drives, broken)
+
+
+def kind_of(path: Path) -> Kind:
+    """Return what :func:`draw_drives` writes to a file of this name.
+
+    Raises:
+        OccError: there is no way to write such a file.
+    """
+    kinds = {'.png': PICTURE, '.gif': GIF}
+    if path.suffix.lower() not in kinds:
+        raise OccError(f'cannot write {path}: allowed are .png and .gif')
+    return kinds[path.suffix.lower()]
 
 
 def _violations(drive: Drive, constraints: Constraints | None) -> dict[str, np.ndarray] | None:

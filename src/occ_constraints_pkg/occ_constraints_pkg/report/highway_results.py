@@ -18,7 +18,7 @@ from matplotlib.axes import Axes
 from scipy.special import ndtri
 
 from occ_constraints_pkg.agents.evaluation import half_width
-from occ_constraints_pkg.files import replacing
+from occ_constraints_pkg.files import PICTURE, replacing
 
 RATES = {'collision': 'collision rate', 'off_road': 'off-road rate'}
 _COLOURS = {'RL': '#888888', 'RL with engineered reward': '#c8862b', 'ours': '#3b6ea5'}
@@ -115,7 +115,7 @@ def draw_curves(path: Path, lines: Sequence[Mapping[str, Any]]) -> None:
     if axes[0, 0].get_lines():
         axes[0, 0].legend(fontsize=8)
     figure.tight_layout()
-    with replacing(path) as draft:
+    with replacing(path, PICTURE) as draft:
         figure.savefig(draft, dpi=100, format='png')
     plt.close(figure)
 

@@ -16,6 +16,7 @@ from matplotlib import pyplot as plt
 from matplotlib.patches import Circle
 
 from occ_constraints_pkg.agents.rule_cost import RuleCost
+from occ_constraints_pkg.files import PICTURE, replacing
 from occ_constraints_pkg.report.film import COLOURS, draw_things
 from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.worlds.safety_gym import GOAL_RADIUS, PointGoal1
@@ -81,7 +82,8 @@ def draw_drives(
     ]
     figure.legend(handles=handles, loc='lower center', ncols=4, fontsize=9, frameon=False)
     figure.tight_layout(rect=(0, 0.06, 1, 0.98))
-    figure.savefig(path, dpi=_DOTS_PER_INCH)
+    with replacing(path, PICTURE) as draft:
+        figure.savefig(draft, dpi=_DOTS_PER_INCH, format='png')
     plt.close(figure)
 
 
@@ -128,5 +130,6 @@ def draw_rules(path: Path, rule_set: RuleSet, values: np.ndarray) -> None:
         'Demonstrated values (bar: middle half; pale: 98 %) and rules of one literal', fontsize=10
     )
     figure.tight_layout()
-    figure.savefig(path, dpi=_DOTS_PER_INCH)
+    with replacing(path, PICTURE) as draft:
+        figure.savefig(draft, dpi=_DOTS_PER_INCH, format='png')
     plt.close(figure)

@@ -15,7 +15,7 @@ from matplotlib import pyplot as plt
 from matplotlib.patches import Patch
 
 from occ_constraints_pkg.bags.timeline import Timeline
-from occ_constraints_pkg.files import replacing
+from occ_constraints_pkg.files import PICTURE, replacing
 from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.rules.verdict import Verdict
 
@@ -76,7 +76,7 @@ def draw_timeline(path: Path, timeline: Timeline, rule_set: RuleSet) -> None:
     )  # fmt: skip
     figure.tight_layout()
     try:
-        with replacing(path) as draft:
+        with replacing(path, PICTURE) as draft:
             figure.savefig(draft, dpi=_DOTS_PER_INCH, format='png')
     finally:
         plt.close(figure)

@@ -14,6 +14,8 @@ mpl.use('Agg')
 
 from matplotlib import pyplot as plt
 
+from occ_constraints_pkg.files import PICTURE, replacing
+
 _STYLES = {'expert': '-', 'mixed': '--'}
 
 
@@ -50,5 +52,6 @@ def draw_truth(path: Path, lines: Mapping[str, Mapping[str, Any]]) -> None:
     axis.grid(alpha=0.3)
     axis.legend(fontsize=7)
     figure.tight_layout()
-    figure.savefig(path, dpi=110)
+    with replacing(path, PICTURE) as draft:
+        figure.savefig(draft, dpi=110, format='png')
     plt.close(figure)

@@ -14,7 +14,7 @@ from occ_constraints_pkg.learning.pruning import prune
 from occ_constraints_pkg.ros.process import OccNode
 from occ_constraints_pkg.ros.qos import LATCHED, overridable
 from occ_constraints_pkg.rules import RuleSet
-from occ_constraints_pkg.rules.constraints_file import Constraints
+from occ_constraints_pkg.rules.constraints_file import Constraints, save_derived
 from occ_constraints_pkg.rules.edits import RuleEdits
 from occ_constraints_pkg.rules.kept_counts import KeptCounts
 from occ_constraints_pkg.rules.listing import rules_document
@@ -155,7 +155,7 @@ class RulesInForce:
         result = prune(before.edited.rule_set.with_counts(before.counts), threshold)
         words = result.words
         if path:
-            before.edited.with_rule_set(result.rule_set).save(path)
+            save_derived(before.edited.with_rule_set(result.rule_set), path)
             words += f'; written to {path}'
         base = before.base.rule_set
         rules = tuple(

@@ -4,8 +4,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
-import shutil
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -22,12 +23,14 @@ from occ_constraints_pkg.documents import (
     validate,
 )
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.files import check_is_file_or_nothing, replacing
+from occ_constraints_pkg.files import CONSTRAINTS, check_kind, keep_copy, write_text
 from occ_constraints_pkg.rules.rule import Literal, Rule
 from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.rules.space import Feature, FeatureSpace
 
 SCHEMA_VERSION = 1
+# The last line of a file that was made from another one.
+_SEAL = re.compile(r'^# not edited since occ wrote it, SHA-256 ([0-9a-f]{64})\n\Z', re.MULTILINE)
 _SCHEMA = load_schema(__package__, 'constraints.schema.json')
 
 
@@ -104,9 +107,7 @@ class Constraints:
         Raises:
             OccError: the file cannot be written.
         """
-        data = self.dumps().encode()
-        with replacing(path) as draft:
-            draft.write_bytes(data)
+        write_text(path, CONSTRAINTS, self.dumps())
 
 
 def load_constraints(path: str | Path) -> Constraints:
@@ -130,20 +131,80 @@ def save_learned(constraints: Constraints, path: str | Path, *, overwrite: bool 
         OccError: the file there was edited and ``overwrite`` is off, it is no constraints file,
             or it cannot be written.
     """
-    target = Path(path)
-    check_is_file_or_nothing(target)
-    if target.exists() and load_constraints(target).is_edited:
-        if not overwrite:
-            raise OccError(
-                f'{target} was edited since it was learned (rules changed, disabled or noted); '
-                'choose another file, or allow overwriting, which keeps a copy'
-            )
-        copy = target.with_name(f'{target.name}.bak')
-        try:
-            shutil.copy2(target, copy)
-        except OSError as error:
-            raise OccError(f'cannot write {copy}: {error.strerror}') from error
-    constraints.save(target)
+    text = _text_there(path)
+    _keep_edited(path, _is_edited(text, str(path)), overwrite)
+    constraints.save(path)
+
+
+def save_derived(
+    constraints: Constraints, path: str | Path, *, overwrite: bool = False, in_place: bool = False
+) -> None:
+    """Write constraints made from a file without losing what a person changed where they go.
+
+    The file ends with a line by which its next replacement sees that nobody has edited it, so
+    that the same command may be repeated. A file as it was learned is replaced likewise.
+
+    Args:
+        constraints: a file's content, counted, pruned or simplified.
+        path: the file to write.
+        overwrite: replace a file that was edited; it is kept beside with the suffix ``.bak``.
+        in_place: ``path`` is the very file that ``constraints`` were made from, and was asked to
+            be changed; what was edited is kept beside likewise.
+
+    Raises:
+        OccError: the file there was edited and may not be replaced, it is no constraints file, or
+            it cannot be written.
+    """
+    there = _text_there(path)
+    _keep_edited(
+        path, not _is_sealed(there) and _is_edited(there, str(path)), overwrite or in_place
+    )
+    text = constraints.dumps()
+    write_text(
+        path, CONSTRAINTS, f'{text}# not edited since occ wrote it, SHA-256 {_digest(text)}\n'
+    )
+
+
+def _text_there(path: str | Path) -> str:
+    """Return the text of the constraints file that is to be replaced, none where there is none."""
+    check_kind(path, CONSTRAINTS)
+    return read_text(path) if Path(path).exists() else ''
+
+
+def _is_edited(text: str, where: str) -> bool:
+    """Tell whether a person has changed a file since it was learned, its comments included."""
+    if not text:
+        return False
+    text = _SEAL.sub('', text)
+    content = parse_constraints(text, where)
+    # No comment is ever written here; within texts the character may stand.
+    return content.is_edited or ('#' in text and text.count('#') != content.dumps().count('#'))
+
+
+def _is_sealed(text: str) -> bool:
+    seal = _SEAL.search(text)
+    return seal is not None and seal[1] == _digest(text[: seal.start()])
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _keep_edited(path: str | Path, is_edited: bool, allowed: bool) -> None:
+    """Keep a copy of an edited file.
+
+    Raises:
+        OccError: it may not be replaced, or no copy can be written.
+    """
+    if not is_edited:
+        return
+    if not allowed:
+        raise OccError(
+            f'{path} was edited since it was learned (rules changed, disabled or noted, or '
+            'comments added); choose another file, or allow overwriting (--overwrite), which '
+            'keeps a copy'
+        )
+    keep_copy(path)
 
 
 def parse_constraints(text: str, where: str) -> Constraints:

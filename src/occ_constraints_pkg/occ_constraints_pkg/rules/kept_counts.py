@@ -5,11 +5,13 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
+from occ_constraints_pkg.documents import read_text
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.files import replacing
+from occ_constraints_pkg.files import COUNTS, replacing
 from occ_constraints_pkg.rules.ruleset import RuleCounts, RuleSet
 from occ_constraints_pkg.rules.verdict import Judgement
 
@@ -80,9 +82,10 @@ class KeptCounts(RuleCounts):
             'until_ns': self.until_ns,
             'rules': rules,
         }
-        with replacing(self._path) as draft:
+        # The disk is not waited for: a monitor writes this each second beside its judging.
+        with replacing(self._path, COUNTS, durable=False) as draft:
             if self._other:
-                Path(self._path).replace(f'{self._path}.{self._other}')
+                Path(os.path.realpath(self._path)).replace(f'{self._path}.{self._other}')
                 self._other = ''
             draft.write_text(json.dumps(document, indent=1), encoding='utf-8')
         self._is_kept = True
@@ -90,7 +93,7 @@ class KeptCounts(RuleCounts):
     def _read(self) -> bool:
         """Take over what the file says; return whether it counts these rules."""
         try:
-            document: Any = json.loads(Path(self._path).read_text(encoding='utf-8'))
+            document: Any = json.loads(read_text(self._path))
             if document['format'] != _FORMAT:
                 raise ValueError(document['format'])
             if document['rule_set'] != self._rule_set.fingerprint:
@@ -100,9 +103,7 @@ class KeptCounts(RuleCounts):
             self.evaluated[:] = [item['evaluated'] for item in counts]
             self.violated[:] = [item['violated'] for item in counts]
             self.until_ns = int(document['until_ns'])
-        except OSError as error:
-            raise OccError(f'cannot read {self._path}: {error.strerror or error}') from error
-        except (ValueError, KeyError, TypeError, OverflowError) as error:
+        except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
             raise OccError(
                 f'{self._path} is no file of rule counters; allowed is {_FORMAT!r}'
             ) from error

@@ -24,6 +24,7 @@ from occ_constraints_pkg.bags.importers.drives import Drives
 from occ_constraints_pkg.bags.importers.plausible import LARGEST, check_motion
 from occ_constraints_pkg.bags.importers.traffic import FARTHEST
 from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.files import open_regular
 
 _RADAR, _SPEED = 'processed_log/CAN/radar', 'processed_log/CAN/speed'
 _POSE = 'global_pose/frame_'
@@ -104,7 +105,8 @@ def _array(
     """Return an array of finite numbers; None in its shape is any number of rows."""
     file = path / name
     try:
-        array = np.load(file, allow_pickle=False)
+        with open_regular(file) as stream:
+            array = np.load(stream, allow_pickle=False)
     except OSError as error:
         raise OccError(f'cannot read {file}: {error.strerror or "it is no array"}') from error
     except (ValueError, TypeError, ArithmeticError, MemoryError, EOFError, BadZipFile) as error:

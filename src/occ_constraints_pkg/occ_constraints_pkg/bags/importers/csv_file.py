@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NoReturn, TextIO
@@ -15,6 +16,7 @@ from occ_constraints_pkg.bags.csv_cells import is_blank, parse_cells, parse_quic
 from occ_constraints_pkg.bags.importers.plausible import LARGEST
 from occ_constraints_pkg.documents import did_you_mean
 from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.files import open_regular
 
 _REPORT_EVERY = 10_000
 
@@ -50,7 +52,10 @@ class CsvFile:
         self._texts: dict[str, list[str]] = {}
         names = (*numbers, *integers)
         try:
-            with path.open(encoding='utf-8-sig', newline='') as stream:
+            with (
+                open_regular(path) as binary,
+                io.TextIOWrapper(binary, encoding='utf-8-sig', newline='') as stream,
+            ):
                 header = [name.strip() for name in next(csv.reader(stream), [])]
                 for name in (*names, *texts):
                     self._require(name, header)

@@ -12,6 +12,7 @@ from xml.parsers import expat
 
 from occ_constraints_pkg.bags.importers.plausible import LARGEST
 from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.files import open_regular
 
 
 class XmlFile:
@@ -44,7 +45,7 @@ class XmlFile:
         parser.StartElementHandler, parser.EndElementHandler = start, builder.end
         parser.CharacterDataHandler, parser.EntityDeclHandler = builder.data, entity
         try:
-            with path.open('rb') as stream:
+            with open_regular(path) as stream:
                 parser.ParseFile(stream)
         except OSError as error:
             raise OccError(f'cannot read {path}: {error.strerror}') from error

@@ -39,6 +39,17 @@ def test_checking(occ, tmp_path):
     assert printed[-1] == printed[-2] + warned
 
 
+def test_the_example_of_the_paper(occ, tmp_path):
+    (tmp_path / 'bags').symlink_to(ROOT / 'bags')
+    text = (DOCS / 'method.md').read_text(encoding='utf-8')
+    _, text = text.split("**The paper's example**")
+    text, _ = text.split('## 7.')
+    commands, learned, pruned = re.findall(r'```(?:sh)?\n(.*?)```', text, re.DOTALL)
+    learn, _, prune = [occ(line)[1] for line in _lines(commands, tmp_path)]
+    _assert_shows(learned, learn)
+    _assert_shows(pruned, prune)
+
+
 def test_the_tutorial_on_recordings_of_a_robot(occ, tmp_path):
     robots = Path(os.environ.get('OCC_TEST_DATA', ROOT.parent / 'shared' / 'data')) / 'robots'
     if not robots.is_dir():

@@ -13,10 +13,15 @@ import pytest
 
 pytest.importorskip('mujoco')
 from occ_constraints_pkg.experiments.reference_traces import (  # noqa: E402
+    TASKS,
+    ReferenceGoals,
     free_run,
     load_traces,
+    reference_start,
+    reference_step,
     single_steps,
 )
+from occ_constraints_pkg.worlds.registry import world_class  # noqa: E402
 
 _DATA = Path(os.environ.get('OCC_TEST_DATA', Path(__file__).parents[3] / 'shared' / 'data'))
 _FOLDER = _DATA / 'safety_gym_traces'
@@ -70,3 +75,47 @@ def test_the_path_of_a_car_and_everything_along_it(task):
     assert worst['lidars'] < 1e-4
     assert worst['reward'] < 1e-5
     assert not worst['cost']
+
+
+def test_new_goals_are_those_of_the_reference():
+    """Every goal after the first in the records is drawn, to the last bit."""
+    goals = 0
+    for task in TASKS:
+        traces, kind = _traces(task), world_class(task)
+        rules = ReferenceGoals(kind.rules.keepouts)
+        stepped = _Stepped()
+        for number in range(len(traces.goal)):
+            layout, rng = reference_start(kind, number)
+            stepped.generators = [rng]
+            for step in range(1, traces.untouched[number]):
+                reference_step(stepped, None)
+                goal = traces.goal[number, step, :2]
+                if (goal == traces.goal[number, step - 1, :2]).all():
+                    continue
+                things = (traces.pos[number, step, :2], *layout.hazards[0], *layout.pillars[0])
+                drawn = rules.sample_goal(rng, np.stack([*things, layout.movable[0, :2]]))
+                np.testing.assert_array_equal(drawn, goal)
+                goals += 1
+    assert goals == 2
+
+
+class _Stepped:
+    """Stands for a world whose steps are in the record."""
+
+    def step(self, action):
+        del action
+
+
+def test_an_episode_with_a_new_goal_follows_the_record_to_its_end():
+    """From the start and the actions alone: 999 steps of a car, past the goal that it reaches."""
+    traces = _traces('CarGoal1')
+    found = free_run(traces)
+    (episode,) = (
+        number
+        for number, followed in enumerate(found.followed(traces.untouched))
+        if followed == 999 and (traces.goal[number] != traces.goal[number, 0]).any()
+    )
+    assert found.position[episode].max() < 1e-5
+    assert found.lidars[episode].max() < 1e-4
+    assert found.reward[episode].max() < 1e-5
+    assert not found.cost[episode].any()

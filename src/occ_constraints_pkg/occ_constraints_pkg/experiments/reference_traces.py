@@ -6,12 +6,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.worlds.bodies import PILLAR_RADIUS
 from occ_constraints_pkg.worlds.layout import EXTENT, Layout
+from occ_constraints_pkg.worlds.physics import SUBSTEPS
 from occ_constraints_pkg.worlds.registry import world_class
 from occ_constraints_pkg.worlds.safety_gym import SafetyGymWorld
 
@@ -105,7 +107,11 @@ def reference_start(kind: type[SafetyGymWorld], seed: int) -> tuple[Layout, np.r
 
 
 class ReferenceGoals:
-    """Stands in for a world's rules to draw new goals as safety-gymnasium draws them."""
+    """Replaces a world's placement rules to draw new goals as safety-gymnasium draws them.
+
+    Goals agree only if every step, too, takes from the generator what it takes there: see
+    :func:`reference_step`.
+    """
 
     def __init__(self, keepouts: np.ndarray) -> None:
         self._goal, self._others = keepouts[1], np.delete(keepouts, 1)
@@ -117,6 +123,33 @@ class ReferenceGoals:
     ) -> np.ndarray | None:
         """Draw a place as :meth:`PlacementRules.sample_goal` does, from a legacy generator."""
         return _first_free(rng, self._goal, list(obstacles), self._others, 10_000)
+
+
+def draw_goals_as_reference(
+    world: SafetyGymWorld,
+    generators: list[np.random.RandomState],  # noqa: NPY002
+) -> None:
+    """Let a world that was started draw new goals as safety-gymnasium does.
+
+    Args:
+        world: to be stepped by :func:`reference_step` from now on.
+        generators: one per robot, as :func:`reference_start` returns them.
+    """
+    world.generators = generators
+    world.rules = ReferenceGoals(world.rules.keepouts)
+
+
+def reference_step(
+    world: SafetyGymWorld, action: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+    """Step a world of :func:`draw_goals_as_reference`; see :meth:`World.step`.
+
+    Safety-gymnasium draws the number of physics steps, always 10, from the generator that places
+    goals, so a goal depends on how many steps were made before it.
+    """
+    for rng in world.generators:
+        rng.binomial(SUBSTEPS, 1.0)
+    return world.step(action)
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,10 +184,11 @@ class Comparison:
 
 
 def free_run(traces: Traces, steps: int | None = None) -> Comparison:
-    """Start where the episodes started and apply the recorded actions.
+    """Start where the episodes started and apply the recorded actions, and nothing else.
 
-    A car starts with its wheels exactly on the floor, so rounding decides whether they touch it.
-    Of starts that differ by rounding, those whose first readings are the recorded ones are taken.
+    New goals are drawn as safety-gymnasium draws them, not taken from the record. A car starts
+    with its wheels exactly on the floor, so rounding decides whether they touch it. Of starts that
+    differ by rounding, those whose first readings are the recorded ones are taken.
 
     Args:
         traces: what to follow.
@@ -164,7 +198,13 @@ def free_run(traces: Traces, steps: int | None = None) -> Comparison:
     world = world_class(traces.task)(_EPISODES, processes=1)
     rows = np.arange(_EPISODES)
     world.start(rows, _touching_alike(traces))
-    outcome = [_step(traces, world, rows, np.full(_EPISODES, step)) for step in range(steps)]
+    starts = [reference_start(type(world), seed) for seed in range(_EPISODES)]
+    draw_goals_as_reference(world, [rng for _, rng in starts])
+    outcome = []
+    for step in range(steps):
+        observation, reward, _, _, info = reference_step(world, traces.act[:, step])
+        at = np.full(_EPISODES, step)
+        outcome.append(_compare(traces, world, rows, at, observation, reward, info['true_cost']))
     world.close()
     return Comparison(*(np.stack(column, axis=1) for column in zip(*outcome, strict=True)))
 
@@ -197,7 +237,11 @@ def single_steps(traces: Traces) -> Comparison:
         world.physics.movable[:, 2] = traces.box[number, step, 2]
         # The way to go depends on the box's height.
         world.move_goals(rows, goal)
-    found = _step(traces, world, number, step)
+    observation, reward, _, _, info = world.step(traces.act[number, step])
+    goal = traces.goal[number, step + 1, :2]
+    moved = np.flatnonzero((goal != traces.goal[number, step, :2]).any(axis=1))
+    observation[moved] = world.move_goals(moved, goal[moved])
+    found = _compare(traces, world, number, step, observation, reward, info['true_cost'])
     filled = [np.full((_EPISODES, length), np.nan) for _ in found]
     for array, values in zip(filled, found, strict=True):
         array[number, step] = values
@@ -205,25 +249,26 @@ def single_steps(traces: Traces) -> Comparison:
     return Comparison(*filled)
 
 
-def _step(
-    traces: Traces, world: SafetyGymWorld, number: np.ndarray, step: np.ndarray
+def _compare(
+    traces: Traces,
+    world: SafetyGymWorld,
+    number: np.ndarray,
+    step: np.ndarray,
+    observation: np.ndarray,
+    reward: np.ndarray,
+    cost: np.ndarray,
 ) -> tuple[np.ndarray, ...]:
-    """Apply the actions of a step of an episode to each robot; compare what comes of it."""
-    rows = np.arange(world.num_envs)
-    observation, reward, _, _, info = world.step(traces.act[number, step])
-    goal = traces.goal[number, step + 1, :2]
-    moved = np.flatnonzero((goal != traces.goal[number, step, :2]).any(axis=1))
-    observation[moved] = world.move_goals(moved, goal[moved])
+    """Compare what a step brought each robot with what that step of its episode brought."""
     expected = traces.obs[number, step + 1]
     width = len(world.robot.sensors)
     sensors = np.abs(observation - expected)[:, :width] / (1 + np.abs(expected[:, :width]))
-    position = world.physics.position(rows)[:, :2]
+    position = world.physics.position(np.arange(world.num_envs))[:, :2]
     return (
         np.linalg.norm(position - traces.pos[number, step + 1, :2], axis=1),
         sensors.max(axis=1),
         np.abs(observation - expected)[:, width:].max(axis=1),
         np.abs(reward - traces.rew[number, step]),
-        info['true_cost'] != traces.cost[number, step],
+        cost != traces.cost[number, step],
     )
 
 

@@ -16,11 +16,12 @@ from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.experiments.conditions import data_folder, versions
 from occ_constraints_pkg.experiments.reference_traces import (
     TASKS,
-    ReferenceGoals,
+    draw_goals_as_reference,
     free_run,
     joined,
     load_traces,
     reference_start,
+    reference_step,
     single_steps,
 )
 from occ_constraints_pkg.worlds.registry import make_world
@@ -134,15 +135,14 @@ def _means(printed: Printed, episodes: int) -> dict[str, Any]:
     world = make_world(printed.world, episodes)
     starts = [reference_start(type(world), seed) for seed in range(episodes)]
     observation = world.start(np.arange(episodes), joined([layout for layout, _ in starts]))
-    world.generators = [rng for _, rng in starts]
-    world.rules = ReferenceGoals(world.rules.keepouts)
+    draw_goals_as_reference(world, [rng for _, rng in starts])
     if printed.driver == 'random':
         driver = _recorded_random(episodes)
     else:
         driver = find_driver(world, printed.driver, np.random.default_rng(0))
     totals = {name: np.zeros(episodes) for name in ('return', 'cost', 'speed')}
     for _ in range(world.max_episode_steps):
-        observation, reward, terminated, _, info = world.step(driver(observation))
+        observation, reward, terminated, _, info = reference_step(world, driver(observation))
         totals['return'] += reward
         totals['cost'] += info['true_cost']
         totals['speed'] += np.hypot(observation[:, 3], observation[:, 4])

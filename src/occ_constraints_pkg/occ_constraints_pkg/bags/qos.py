@@ -4,8 +4,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
+from itertools import accumulate
 from typing import Any
 
 from occ_constraints_pkg.documents import parse_yaml
@@ -13,6 +15,8 @@ from occ_constraints_pkg.errors import OccError
 
 # Longer text is not read: a hundred publishers fit, and what takes seconds to parse does not.
 _MOST_CHARACTERS = 1 << 16
+# Profiles nest three levels deep; thousands of open brackets take the parser seconds.
+_MOST_LEVELS = 10
 
 # The numbers of rmw/types.h, which metadata before version 9 used instead of names.
 _NAMES = {
@@ -64,6 +68,9 @@ def parse_profiles(stored: str | Sequence[Mapping[str, Any]] | None) -> tuple[di
 # The topics of a recording mostly have the same text.
 @lru_cache(maxsize=256)
 def _parsed(text: str) -> tuple[dict[str, Any], ...]:
+    levels = accumulate(1 if mark in '[{' else -1 for mark in re.findall(r'[][{}]', text))
+    if max(levels, default=0) > _MOST_LEVELS:
+        return ()
     try:
         profiles = parse_yaml(text, 'offered_qos_profiles')
     except OccError:

@@ -15,7 +15,7 @@ from occ_constraints_pkg.bags.definitions import find_definition
 from occ_constraints_pkg.bags.qos import from_profile
 from occ_constraints_pkg.bags.writer import FLUSH_SECONDS, BagWriter
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.ros.bag_topics import profile_to_record, topic_filter
+from occ_constraints_pkg.ros.bag_topics import RCLError, profile_to_record, topic_filter
 from occ_constraints_pkg.ros.messages import message_class
 from occ_constraints_pkg.ros.process import OccNode, run_node
 from occ_constraints_pkg.ros.qos import no_events
@@ -140,9 +140,16 @@ class Recorder(OccNode):
 
         if before is not None:
             self.destroy_subscription(before)
-        known.subscription = self.create_subscription(
-            kind, topic, write, profile, raw=True, event_callbacks=no_events()
-        )
+        try:
+            known.subscription = self.create_subscription(
+                kind, topic, write, profile, raw=True, event_callbacks=no_events()
+            )
+        except RCLError:
+            # The middleware allows one type for each topic of a process.
+            self.get_logger().warning(
+                f'topic {topic} is not recorded: it has type {known.msgtype!r}; allowed is the '
+                'type that this node itself publishes there'
+            )
 
     def _arrival_ns(self, info: Mapping[str, int]) -> int:
         """Return when a message arrived, which may be long before it is its turn to be written.

@@ -127,7 +127,7 @@ def test_idl_as_ros_generates_it_is_read_as_before():
     fields = (
         '@verbatim (language="comment", text="not (a bracket") '
         '@default (value=0.1) double a; sequence<sequence_t, 4> b; string<10> c; '
-        'sequence<double> d; sequence<string<3>> e; ours__double__9 f; p::msg::Part g;'
+        'sequence<double> d; ours__double__9 f; p::msg::Part g;'
     )
     inside = (
         f'{constants} typedef double ours__double__9[9]; typedef long sequence_t; '

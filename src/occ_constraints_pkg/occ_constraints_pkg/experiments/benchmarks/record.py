@@ -73,7 +73,6 @@ def run(seconds: float = 8.0) -> dict[str, Any]:
             'interrupted_lost_messages': sum(item.lost for item in interrupted),
             'interrupted_end_max_s': max(item.end_seconds for item in interrupted),
             'log_time_late_max_s': max(item.late_seconds for item in killed + interrupted),
-            'topics_recorded_min': min(item.topics for item in killed + interrupted),
         },
         'peers': {},
         'settings': {

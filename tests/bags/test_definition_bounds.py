@@ -112,7 +112,6 @@ def test_brackets_that_stop_the_parser_of_rosbags_cost_nothing():
         ('A', 6),
         ('p::A + 1', 7),
         ('::G', 2),
-        ('A', 6),
     ],
 )
 def test_lengths_are_computed_as_idl_says(expression, length):
@@ -123,7 +122,10 @@ def test_lengths_are_computed_as_idl_says(expression, length):
 
 
 def test_idl_as_ros_generates_it_is_read_as_before():
-    constants = 'module X_Constants { const float F = 1.5; const string S = "a;" "b\\""; const char C = \'x\'; };'
+    constants = (
+        'module X_Constants { const float F = 1.5; const string S = "a;" "b\\""; '
+        "const char C = 'x'; };"
+    )
     fields = (
         '@verbatim (language="comment", text="not (a bracket") '
         '@default (value=0.1) double a; sequence<sequence_t, 4> b; string<10> c; '

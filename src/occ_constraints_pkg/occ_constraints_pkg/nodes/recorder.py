@@ -66,7 +66,7 @@ class Recorder(OccNode):
         )
         # The first look-up takes half a second, in which messages would pile up.
         find_definition('std_msgs/msg/Empty')
-        self._looking: Iterator[None] = iter(())
+        self._looking: Iterator[None] | None = None
         self.steady_timer(_LOOK_SECONDS, self._look)
         self.steady_timer(FLUSH_SECONDS, self._writer.flush)
         self._impatient = self.steady_timer(_PATIENCE_SECONDS, self._tell_missing)
@@ -91,10 +91,11 @@ class Recorder(OccNode):
     def _look(self) -> None:
         """Go on looking through the topics, for a share of the time."""
         end = self.steady_seconds() + _LOOK_SHARE_SECONDS
+        self._looking = self._looking or self._each_topic()
         for _ in self._looking:
             if self.steady_seconds() > end:
                 return
-        self._looking = self._each_topic()
+        self._looking = None
 
     def _each_topic(self) -> Iterator[None]:
         """Subscribe to new topics, and more modestly where a new publisher offers less.

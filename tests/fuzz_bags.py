@@ -1,9 +1,14 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Reads damaged recordings: ``python -m fuzz_bags FIRST COUNT``, in ``tests``."""
+"""Reads damaged and hostile recordings: ``python -m fuzz_bags FIRST COUNT``, in ``tests``.
+
+Every other case has bytes damaged; the others are whole files whose definitions, types, names, QoS
+profiles, metadata.yaml or manifest are odd.
+"""
 
 from __future__ import annotations
 
+import shutil
 import sys
 import tempfile
 from collections.abc import Callable
@@ -17,7 +22,10 @@ from fuzzing import damaged, watch
 from mcap.writer import CompressionType, Writer
 from occ_constraints_pkg.bags.extract import extract
 from occ_constraints_pkg.bags.feature_map import FeatureMap, FeatureSource
+from occ_constraints_pkg.bags.manifest import select
+from occ_constraints_pkg.bags.playback import is_latched
 from occ_constraints_pkg.bags.recording import Recording
+from occ_constraints_pkg.documents import dump_yaml
 from occ_constraints_pkg.errors import OccError
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagsWriter
@@ -148,15 +156,16 @@ def read(path: Path) -> str:
             raise AssertionError(f'{count} messages instead of {recording.message_count}')
         extract([path], MAP)
     except OccError as error:
-        if '\n' in str(error) or not str(error):
-            raise AssertionError(f'not one sentence: {error}') from error
-        return 'refused'
+        return refused(error)
     return 'read in part' if recording.warnings else 'read'
 
 
 def call(number: int, folder: Path) -> Callable[[], str]:
-    """Write the damaged recording of a number; return the call that reads it."""
+    """Write the recording of a number; return the call that reads it."""
     rng = np.random.default_rng(number)
+    if number % 2:
+        return odd_call(rng, folder)
+    number //= 2
     kinds = originals()
     files = dict(kinds[number % len(kinds)])
     other = kinds[int(rng.integers(len(kinds)))]
@@ -170,6 +179,141 @@ def call(number: int, folder: Path) -> Callable[[], str]:
     for name, content in files.items():
         (bag / name).write_bytes(content)
     return lambda: read(bag)
+
+
+MSG = (
+    'std_msgs/Header header\nfloat64 x 1.5\nuint8 KIND=1\nstring NAME=a b\nfloat32[] y\n'
+    'Part[3] z\nstring<=9 s\nint8[<=4] i\n'
+    + '=' * 80
+    + '\nMSG: p/Part\nfloat64 x\n'
+    + '=' * 80
+    + '\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n'
+)
+IDL = """
+#include "p/msg/Part.idl"
+module p { module msg {
+  typedef double p__double__3[3];
+  module X_Constants { const uint8 KIND = 1; const string NAME = "a" "b"; };
+  struct Part { double x; };
+  @verbatim (language="comment", text="a (b)")
+  struct X { @default (value=1.5) double x; sequence<float, 4> y; p__double__3 z; string<9> s;
+    sequence<p::msg::Part> q; long n[1 + 2]; };
+}; };
+"""
+PIECES = (
+    *('<<', '>>', '*', '(', '((((', ')', '[', ']', '[1<<40]', '[4294967295]', '[-1]', '1e999'),
+    *('9' * 50, '9' * 5000, '-', '~', '/', '%', '0', '"', "'", '\\', '@', '@a(', '/*', '//', '#'),
+    *('const long A = 1<<1000000000;', 'const long A = A * A;', 'uint64 A=1e999', 'float64 B=nan'),
+    *('module', 'struct', '{', '}', ';', 'sequence<', '>', 'typedef X X;', 'X x', 'X[] x', 'enum'),
+    *('string', 'wstring', 'import os', '__import__("os")', 'class', 'None', 'x: y', '\n', '\0'),
+    *('\N{SNOWMAN}', '=' * 80 + '\n', 'MSG: os/system\n', '[1000000] ', '\ud7ff', 'time t\n'),
+)
+TYPES = (
+    *('p/msg/X', 'p/msg/X', 'std_msgs/msg/String', 'this/msg/x', 'os/path/join', './msg/x'),
+    *('std_srvs/srv/Trigger', '', 'p', '/', 'p/msg/X\nint8 a', 'a' * 300, 'p/msg/' + 'X' * 300),
+    *('../../msg/X', 'p/X', 'example_interfaces/action/Fibonacci', 'rcl_interfaces/msg/Log'),
+)
+TOPICS = ('/scan', '/t', '', '/rosout', '/a b', '/' + 'a' * 400, '/\0', '/\x1b[2J', 'x\ny', '//')
+PROFILES = (
+    *('', '- history: 1\n  depth: 5\n', '[' * 5000, '{a: ' * 3000, '- ' * 30_000, '&a [*a]'),
+    *('- &a {history: 1}\n- *a', '- !!python/object/apply:os.system [true]', '"', '- {1: 2}'),
+    *('- [[[[1]]]]', '1e999', '- history: 99999999999999999999\n', '- durability: [1]\n', '\0'),
+)
+METADATA = (
+    *('', '[]', '[' * 5000, 'rosbag2_bagfile_information: 3', '- ' * 10_000, '&a [*a]'),
+    'rosbag2_bagfile_information: {version: 9, relative_file_paths: [' + 'a' * 300 + ']}',
+    'rosbag2_bagfile_information: {version: 9, relative_file_paths: ["../../etc/passwd"]}',
+    'rosbag2_bagfile_information: {version: 9, relative_file_paths: [bag.mcap], message_count: x}',
+    'rosbag2_bagfile_information: {version: 1e999}',
+    'rosbag2_bagfile_information: {version: 9, topics_with_message_count: [{topic_metadata: '
+    '{name: [a], offered_qos_profiles: ' + '[' * 900 + ']' * 900 + '}}]}',
+)
+
+
+def _edited(text: str, rng: np.random.Generator) -> str:
+    """Return a text with a few pieces put in, taken out or repeated."""
+    for _ in range(int(rng.integers(4))):
+        at, size = int(rng.integers(len(text) + 1)), int(rng.geometric(0.1))
+        piece = PIECES[int(rng.integers(len(PIECES)))]
+        match int(rng.integers(4)):
+            case 0:
+                text = text[:at] + piece * int(rng.choice([1, 1, 1, 5, 300])) + text[at:]
+            case 1:
+                text = text[:at] + text[at + size :]
+            case 2:
+                text = text[:at] + piece + text[at + size :]
+            case _:
+                text = text[:at] + text[at : at + size] * int(rng.choice([2, 1000])) + text[at:]
+    return text
+
+
+def odd_call(rng: np.random.Generator, folder: Path) -> Callable[[], str]:
+    """Write a whole recording with odd contents; return the call that reads it."""
+    bag = folder / 'odd'
+    shutil.rmtree(bag, ignore_errors=True)
+    bag.mkdir()
+    pick = lambda choices: choices[int(rng.integers(len(choices)))]  # noqa: E731
+    with (bag / 'bag.mcap').open('wb') as stream:
+        writer = Writer(stream)
+        writer.start('ros2')
+        for _ in range(int(rng.integers(1, 4))):
+            kind, text = pick([('ros2msg', MSG), ('ros2idl', IDL)])
+            if rng.random() < 0.05:
+                kind = pick(['', 'protobuf', 'x'])
+            schema = writer.register_schema(pick(TYPES), kind, _edited(text, rng).encode())
+            metadata = {'offered_qos_profiles': pick(PROFILES)} if rng.random() < 0.5 else {}
+            channel = writer.register_channel(pick(TOPICS), 'cdr', schema, metadata)
+            for time in range(3):
+                data = b'\0\1\0\0' + rng.bytes(int(rng.integers(200)))
+                writer.add_message(channel, 10**18 + time, data, time)
+        writer.finish()
+    if rng.random() < 0.3:
+        text = pick(METADATA)
+        (bag / 'metadata.yaml').write_text(text if rng.random() < 0.5 else _edited(text, rng))
+    manifest = folder / 'manifest.yaml'
+    name = pick(['odd', 'odd', 'odd/bag.mcap', 'a' * 300, '\0', '..', '.'])
+    text = dump_yaml({'schema_version': 1, 'recordings': [{'path': name}]})
+    manifest.write_text(text if rng.random() < 0.7 else _edited(text, rng))
+    return lambda: ', '.join((read_odd(bag), read_manifest(manifest)))
+
+
+def read_odd(path: Path) -> str:
+    """Decode each message, and read numbers of each topic without decoding."""
+    try:
+        recording = Recording(path)
+    except OccError as error:
+        return refused(error)
+    endings = set()
+    for topic, info in recording.topics.items():
+        is_latched(topic, info)
+        source = FeatureSource('x', topic, 'x')
+        for use in (
+            lambda topic=topic: [recording.decode(m) for m in recording.messages([topic])],
+            lambda source=source, topic=topic: extract([path], FeatureMap(topic, 0.5, (source,))),
+        ):
+            try:
+                use()
+                endings.add('read')
+            except OccError as error:
+                endings.add(refused(error))
+    return 'read' if 'read' in endings else 'refused'
+
+
+def read_manifest(path: Path) -> str:
+    """Read what a manifest lists."""
+    try:
+        for selection in select([path]):
+            Recording(selection.path)
+    except OccError as error:
+        return refused(error)
+    return 'read'
+
+
+def refused(error: OccError) -> str:
+    """Return the ending of a case that was refused, and check that one sentence says so."""
+    if not str(error) or '\n' in str(error):
+        raise AssertionError(f'not one sentence: {error}') from error
+    return 'refused'
 
 
 if __name__ == '__main__':

@@ -120,12 +120,22 @@ def test_max_range_needs_a_scan(messages):
 
 
 def test_messages_of_rclpy_are_read_alike():
-    fields = {'x': 'double'}
-    vector = SimpleNamespace(get_fields_and_field_types=lambda: fields, x=2.5)
-    message = SimpleNamespace(linear=vector)
+    vector = SimpleNamespace(get_fields_and_field_types=lambda: {'x': 'double'}, x=2.5, _check=1.0)
+    message = SimpleNamespace(get_fields_and_field_types=lambda: {'linear': 'V'}, linear=vector)
     assert one_value(message, field='linear.x') == 2.5
     with pytest.raises(OccError, match="linear has no 'q'; it has x"):
         one_value(message, field='linear.q')
+    # What is no field is not read, though Python has it.
+    for field in ('linear._check', 'linear.x.real', 'linear.__class__'):
+        with pytest.raises(OccError, match='has no'):
+            one_value(message, field=field)
+
+
+def test_constants_of_a_type_are_no_fields():
+    status = STORE.types['sensor_msgs/msg/NavSatStatus'](status=0, service=1)
+    assert status.STATUS_NO_FIX == -1
+    with pytest.raises(OccError, match='it has status, service'):
+        one_value(status, field='STATUS_NO_FIX')
 
 
 def test_held_values_and_their_age(messages):

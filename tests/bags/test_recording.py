@@ -6,7 +6,9 @@ import shutil
 
 import pytest
 from mcap.writer import CompressionType, IndexType, Writer
+from occ_constraints_pkg.bags.manifest import select
 from occ_constraints_pkg.bags.recording import Recording
+from occ_constraints_pkg.documents import dump_yaml
 from occ_constraints_pkg.errors import OccError
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
@@ -226,3 +228,25 @@ def test_a_moved_bag_keeps_its_hash(tmp_path, messages, write_bag):
     first, second = Recording(bag).fingerprint(), Recording(tmp_path / 'copy').fingerprint()
     assert first['sha256'] == second['sha256']
     assert (first['name'], second['name']) == ('bag', 'copy')
+
+
+@pytest.mark.parametrize('name', ['a' * 300, f'{"a" * 300}.mcap', '\0'])
+def test_names_that_no_file_can_have_are_told_in_one_sentence(tmp_path, name):
+    listing = {'version': 9, 'relative_file_paths': [name]}
+    (tmp_path / 'metadata.yaml').write_text(
+        dump_yaml({'rosbag2_bagfile_information': listing}), encoding='utf-8'
+    )
+    manifest = tmp_path / 'manifest.yaml'
+    manifest.write_text(
+        dump_yaml({'schema_version': 1, 'recordings': [{'path': name}]}), encoding='utf-8'
+    )
+    (listed,) = select([manifest])
+    for path in (tmp_path, tmp_path / name, listed.path):
+        with pytest.raises(OccError) as caught:
+            Recording(path)
+        assert '\n' not in str(caught.value)
+
+
+def test_a_manifest_whose_name_is_too_long_is_told_in_one_sentence(tmp_path):
+    with pytest.raises(OccError, match='File name too long'):
+        select([tmp_path / f'{"a" * 300}.yaml'])

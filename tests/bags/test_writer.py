@@ -2,16 +2,22 @@
 # SPDX-License-Identifier: Apache-2.0
 import logging
 import os
+import shutil
 import signal
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from mcap.reader import make_reader
+from occ_constraints_pkg.bags.metadata import dump_plain
 from occ_constraints_pkg.bags.qos import parse_profiles
 from occ_constraints_pkg.bags.recording import Recording
 from occ_constraints_pkg.bags.writer import BagWriter
+from occ_constraints_pkg.documents import parse_yaml
 from occ_constraints_pkg.errors import OccError
 from rosbags.highlevel import AnyReader
 from ruamel.yaml import YAML
@@ -214,6 +220,64 @@ def check_what_is_kept(bag, result, reason):
     assert f'{reason}; the {len(numbers)} messages before that are kept' in result.stdout
     assert len(seen_by_others(bag)) == len(numbers)
     assert information(bag)['message_count'] == len(numbers)
+
+
+@pytest.mark.parametrize('how', ['removed', 'renamed'])
+def test_messages_of_a_directory_that_is_gone_are_not_called_kept(tmp_path, how):
+    bag = BagWriter(tmp_path / 'run')
+    bag.write('/a', STRING, string('a'), 1)
+    shutil.rmtree(tmp_path / 'run') if how == 'removed' else (tmp_path / 'run').rename(
+        tmp_path / 'other'
+    )
+    bag.write('/b', STRING, string('b'), 2)
+    with pytest.raises(OccError, match='removed or renamed, and the 2 messages .* went with it'):
+        bag.close()
+
+
+def test_metadata_of_many_topics_is_written_in_linear_time(tmp_path):
+    seconds = {}
+    for count in (200, 1600):
+        begin = time.process_time()
+        with BagWriter(tmp_path / str(count)) as bag:
+            for number in range(count):
+                bag.write(f'/t{number}', STRING, string('a'), number, qos=[QOS])
+        seconds[count] = time.process_time() - begin
+        assert len(information(tmp_path / str(count))['topics_with_message_count']) == count
+    # Eight times the topics; it would be 64 times if all were written with each new one.
+    assert seconds[1600] < 25 * max(seconds[200], 0.02)
+
+
+PLAIN = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.text(),
+    lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner),
+    max_leaves=20,
+)
+
+
+@given(PLAIN)
+def test_plain_yaml_comes_back(document):
+    text = dump_plain(document)
+    for reader in (parse_yaml, lambda text, _: yaml_1_1(text)):
+        assert reader(text, 'it') == document
+
+
+def yaml_1_1(text):
+    reader = YAML(typ='safe', pure=True)
+    reader.version = (1, 1)
+    return reader.load(text)
+
+
+HOSTILE_PROFILES = (
+    *('[' * 5000, '{a: ' * 3000, '- ' * 30_000, '"' * 60_000, '- &a [1]\n- *a'),
+    *('- !!python/object/apply:os.system [true]', '- history: 1\n' * 10_000),
+)
+
+
+@pytest.mark.parametrize('number', range(len(HOSTILE_PROFILES)))
+def test_hostile_profiles_count_as_not_stated_at_once(number):
+    begin = time.process_time()
+    assert parse_profiles(HOSTILE_PROFILES[number]) == ()
+    assert time.process_time() - begin < 2.0
 
 
 def test_profiles_of_older_metadata_get_names():

@@ -2,7 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recorder and player where publishers of one topic offer different qualities of service."""
 
+import signal
+
+import pytest
 from occ_constraints_pkg.bags.recording import Recording
+from ruamel.yaml import YAML
 
 
 def test_publishers_that_offer_different_qualities_are_recorded_and_played(
@@ -53,3 +57,25 @@ def recorded(bag):
 def texts(bag):
     recording = Recording(bag)
     return [recording.decode(message).data for message in recording.messages(['mixed'])]
+
+
+@pytest.mark.parametrize('number', [signal.SIGKILL, signal.SIGINT])
+def test_a_recorder_of_many_topics_loses_next_to_nothing(tmp_path, number):
+    from occ_constraints_pkg.experiments.benchmarks.record import record
+    from occ_constraints_pkg.experiments.processes import private_domain
+
+    # With metadata.yaml written for each new topic, it had fallen seconds behind by then.
+    ending = record(tmp_path, private_domain(), number, after=4.0, topics=200, rate=5.0)
+    assert ending.topics == 200
+    assert ending.expected > 2000
+    assert ending.late_seconds < 0.5
+    if number == signal.SIGKILL:
+        assert ending.lost_seconds <= 0.5
+    else:
+        assert ending.lost == 0
+        assert ending.end_seconds < 2.0
+    assert len(information(tmp_path / 'bag')['topics_with_message_count']) >= 200
+
+
+def information(bag):
+    return YAML(typ='safe').load(bag / 'metadata.yaml')['rosbag2_bagfile_information']

@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Sequence
+from dataclasses import MISSING, fields, is_dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -80,6 +81,8 @@ class FieldReader:
 
     def __init__(self, name: str, reading: Reading) -> None:
         self._name, self.reading = name, reading
+        # The type of message in which the path has been found to lead through declared fields.
+        self._checked: type | None = None
         self._steps: list[str | int | slice] = []
         for attribute, index, start, stop in _STEP.findall(reading.field):
             if attribute:
@@ -97,15 +100,18 @@ class FieldReader:
         return tuple(self._steps)
 
     def value(self, message: Any) -> Any:
-        """Follow the path."""
-        value = message
+        """Follow the path, through declared fields only: not methods, constants or private ones."""
+        value, is_checked = message, type(message) is self._checked
         for place, step in enumerate(self._steps):
             try:
                 if isinstance(step, slice):
                     self._check_reach(step, len(value))
+                elif isinstance(step, str) and not is_checked and step not in field_names(value):
+                    raise AttributeError(step)
                 value = getattr(value, step) if isinstance(step, str) else value[step]
             except (AttributeError, IndexError, TypeError) as error:
                 raise self._missing(place, value) from error
+        self._checked = type(message)
         return value
 
     def number(self, message: Any) -> float:
@@ -317,8 +323,10 @@ def field_names(message: Any) -> list[str]:
     """Return the names of a message's fields, whether of rosbags or of rclpy; else nothing."""
     if hasattr(message, 'get_fields_and_field_types'):
         return list(message.get_fields_and_field_types())
-    names = getattr(message, '__dataclass_fields__', {})
-    return [name for name in names if not name.startswith('__')]
+    if not is_dataclass(message):
+        return []
+    # The classes of rosbags have constants, with values, among their fields.
+    return [field.name for field in fields(message) if field.default is MISSING]
 
 
 def header_stamp_ns(message: Any) -> int | None:

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -91,7 +92,7 @@ def select(paths: Sequence[str | Path]) -> list[Selection]:
     """
     selections = []
     for path in paths:
-        if Path(path).suffix in _SUFFIXES and not Path(path).is_dir():
+        if Path(path).suffix in _SUFFIXES and not os.path.isdir(path):
             selections += load_manifest(path)
         else:
             selections.append(Selection(Path(path)))

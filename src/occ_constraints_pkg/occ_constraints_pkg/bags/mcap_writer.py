@@ -17,7 +17,7 @@ from mcap.records import DataEnd, Footer
 from mcap.writer import CompressionType, Writer
 
 from occ_constraints_pkg.bags.mcap_file import MAGIC
-from occ_constraints_pkg.documents import dump_yaml
+from occ_constraints_pkg.bags.metadata import dump_plain
 
 COMPRESSIONS = {
     'zstd': CompressionType.ZSTD,
@@ -122,7 +122,7 @@ class McapOutput:
                 opens the file alone.
         """
         self.flush()
-        self._writer.add_metadata('rosbag2', {'serialized_metadata': dump_yaml(information)})
+        self._writer.add_metadata('rosbag2', {'serialized_metadata': dump_plain(information)})
         self._writer.finish()
         self._ended = True
         self._sink.close()

@@ -4,11 +4,19 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from itertools import accumulate
 from typing import Any
 
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
+from occ_constraints_pkg.documents import parse_yaml
+from occ_constraints_pkg.errors import OccError
+
+# Longer text is not read: a hundred publishers fit, and what takes seconds to parse does not.
+_MOST_CHARACTERS = 1 << 16
+# Profiles nest three levels deep; thousands of open brackets take the parser seconds.
+_MOST_LEVELS = 10
 
 # The numbers of rmw/types.h, which metadata before version 9 used instead of names.
 _NAMES = {
@@ -51,13 +59,23 @@ def parse_profiles(stored: str | Sequence[Mapping[str, Any]] | None) -> tuple[di
         bag's messages are worth reading without it.
     """
     if isinstance(stored, str):
-        try:
-            stored = YAML(typ='safe', pure=True).load(stored)
-        except (YAMLError, ValueError):
-            return ()
+        return _parsed(stored) if len(stored) <= _MOST_CHARACTERS else ()
     if not isinstance(stored, list | tuple):
         return ()
     return tuple(_named(profile) for profile in stored if isinstance(profile, Mapping))
+
+
+# The topics of a recording mostly have the same text.
+@lru_cache(maxsize=256)
+def _parsed(text: str) -> tuple[dict[str, Any], ...]:
+    levels = accumulate(1 if mark in '[{' else -1 for mark in re.findall(r'[][{}]', text))
+    if max(levels, default=0) > _MOST_LEVELS:
+        return ()
+    try:
+        profiles = parse_yaml(text, 'offered_qos_profiles')
+    except OccError:
+        return ()
+    return () if isinstance(profiles, str) else parse_profiles(profiles)
 
 
 def _named(profile: Mapping[str, Any]) -> dict[str, Any]:

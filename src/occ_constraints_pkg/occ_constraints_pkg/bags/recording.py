@@ -83,11 +83,16 @@ class Recording:
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        self.name = self.path.name if self.path.is_dir() else _bare_name(self.path)
         self.warnings: tuple[str, ...] = ()
         self._stores: dict[str, Any] = {}
         self._unpacked = Unpacked()
-        metadata = self._find_files()
+        try:
+            self.name = self.path.name if self.path.is_dir() else _bare_name(self.path)
+            metadata = self._find_files()
+        # A name may be too long, the path's or one that metadata.yaml lists.
+        except OSError as error:
+            where = error.filename or self.path
+            raise OccError(f'cannot read {where}: {error.strerror}') from error
         self._message_zstd = is_compressed_by_message(metadata, self.path)
         self._storages = tuple(self._open(file) for file in self.files)
         self.topics = dict(sorted(with_metadata(self._all_topics(), metadata).items()))
@@ -240,7 +245,7 @@ class Recording:
         try:
             return find_definitions(*_definition(self.topics[topic]))
         except UndefinedTypeError as error:
-            raise self._undefined(topic) from error
+            raise self._undefined(topic, error.reason) from error
 
     def fingerprint(self) -> dict[str, Any]:
         """Return ``name``, ``sha256`` over the storage files in order, and ``messages``."""
@@ -330,13 +335,18 @@ class Recording:
             try:
                 self._stores[topic] = find_typestore(*_definition(self.topics[topic]))
             except UndefinedTypeError as error:
-                raise self._undefined(topic) from error
+                raise self._undefined(topic, error.reason) from error
         return self._stores[topic]
 
-    def _undefined(self, topic: str) -> OccError:
+    def _undefined(self, topic: str, reason: str) -> OccError:
+        what = (
+            f'cannot be used: {reason}'
+            if reason
+            else ('is neither complete in the bag nor part of ROS 2 Jazzy')
+        )
         return OccError(
             f'{self.path} has topic {topic!r} of type {self.topics[topic].msgtype!r}, whose '
-            'definition is neither complete in the bag nor part of ROS 2 Jazzy'
+            f'definition {what}'
         )
 
 

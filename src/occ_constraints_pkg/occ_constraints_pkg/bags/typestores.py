@@ -8,27 +8,33 @@ so what was parsed is remembered.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from functools import cache, lru_cache
 from typing import Any
 
-from rosbags.typesys import (
-    Stores,
-    TypesysError,
-    get_types_from_idl,
-    get_types_from_msg,
-    get_typestore,
-)
+from rosbags.typesys import Stores, TypesysError, get_typestore
 
+from occ_constraints_pkg.bags.definition_bounds import BoundsError, parse_definition
 from occ_constraints_pkg.bags.definitions import part_types
+from occ_constraints_pkg.bags.idl_text import IdlError
 
 # The parsers fail on wrong definitions in whichever way comes first.
-_WRONG = (TypesysError, KeyError, ValueError, SyntaxError, RecursionError, AssertionError)
+_WRONG = (
+    *(TypesysError, LookupError, ValueError, SyntaxError, RecursionError, AssertionError),
+    *(NameError, TypeError, AttributeError, ArithmeticError, MemoryError),
+)
 
 
 class UndefinedTypeError(ValueError):
-    """A type's definition is missing, incomplete or cannot be read."""
+    """A type's definition is missing, incomplete or cannot be read.
+
+    Attributes:
+        reason: what is out of bounds in it, as part of a sentence; empty for anything else.
+    """
+
+    def __init__(self, error: BaseException) -> None:
+        super().__init__(str(error))
+        self.reason = str(error) if isinstance(error, BoundsError | IdlError) else ''
 
 
 @lru_cache(maxsize=256)
@@ -54,7 +60,7 @@ def find_typestore(definition: str, kind: str, msgtype: str) -> Any:
         _check_parts(store.fielddefs, msgtype)
         store.get_msgdef(msgtype)
     except _WRONG as error:
-        raise UndefinedTypeError(str(error)) from error
+        raise UndefinedTypeError(error) from error
     return store
 
 
@@ -71,18 +77,10 @@ def find_definitions(definition: str, kind: str, msgtype: str) -> Mapping[str, A
             return _empty_definitions() | _parsed(definition, kind, msgtype)
         return _jazzy().fielddefs
     except _WRONG as error:
-        raise UndefinedTypeError(str(error)) from error
+        raise UndefinedTypeError(error) from error
 
 
-@lru_cache(maxsize=256)
-def _parsed(definition: str, kind: str, msgtype: str) -> dict[str, Any]:
-    if kind == 'ros2msg':
-        return get_types_from_msg(definition, msgtype)
-    types: dict[str, Any] = {}
-    for part in re.split(r'^={80}\n(?:IDL: .*\n)?', definition, flags=re.MULTILINE):
-        if part.strip():
-            types.update(get_types_from_idl(part))
-    return types
+_parsed = lru_cache(maxsize=256)(parse_definition)
 
 
 def _check_parts(definitions: Mapping[str, Any], msgtype: str) -> None:

@@ -15,11 +15,14 @@ from typing import Any
 
 from occ_constraints_pkg.bags.definitions import find_definition
 from occ_constraints_pkg.bags.mcap_writer import COMPRESSIONS, McapOutput, Span
-from occ_constraints_pkg.documents import dump_yaml
+from occ_constraints_pkg.bags.metadata import dump_plain
 from occ_constraints_pkg.errors import OccError
 
-_FLUSH_SECONDS = 0.5
+FLUSH_SECONDS = 0.25
+"""Seconds between flushes: half of what a killed recorder may lose, the rest is for delays."""
 _METADATA_SECONDS = 5.0
+# With thousands of topics metadata.yaml takes long to write: then at most a tenth of the time.
+_METADATA_SHARE = 10.0
 
 
 @dataclass(frozen=True)
@@ -38,12 +41,12 @@ class BagWriter:
     The directory holds ``<directory name>_0.mcap``, further files numbered on where the recording
     is split, and ``metadata.yaml``. What has reached the operating system survives a SIGKILL of
     this process: everything up to the last :meth:`flush`, and every full chunk of 256 KiB.
-    :meth:`write` flushes by itself when the last flush is 0.5 s past, and after the first message
-    of a topic; so at most the messages of the last 0.5 s are lost, or, when messages stop coming,
-    those of the 0.5 s before the pause: a recorder that wants these safe too calls :meth:`flush`
-    from a timer. A power failure may cost more, since nothing is synced to the disk.
-    ``metadata.yaml`` is there from the start and is renewed with each new topic or file and every
-    5 s; in a killed recording its message counts lag behind.
+    :meth:`write` flushes by itself when the last flush is 0.25 s past; so at most the messages of
+    the last 0.25 s are lost, or, when messages stop coming, those of the 0.25 s before the pause:
+    a recorder that wants these safe too calls :meth:`flush` from a timer. A power failure may cost
+    more, since nothing is synced to the disk. ``metadata.yaml`` is there from the start and is
+    renewed with the flush that follows new topics, with each new file, and every 5 s; in a killed
+    recording its message counts lag behind.
 
     When the disk is full, or a file cannot be written for another reason, the file is cut back
     to its last complete record and given an ending, so that what was recorded opens everywhere.
@@ -84,6 +87,8 @@ class BagWriter:
         self._topics: dict[str, _Topic] = {}
         self._files: list[McapOutput] = []
         self._flushed = self._described = -float('inf')
+        # What metadata.yaml has been written for, and the seconds that took.
+        self._topics_described, self._describing = 0, 0.0
         self._closed = False
         try:
             self.directory.mkdir(parents=True)
@@ -162,8 +167,8 @@ class BagWriter:
             if not file.has_channel(topic):
                 self._add_channel(file, topic, known or self._add_topic(topic, msgtype, qos or ()))
             file.add(topic, data, log_time_ns, publish)
-            if known is None or time.monotonic() - self._flushed >= _FLUSH_SECONDS:
-                self._flush(describe=known is None)
+            if time.monotonic() - self._flushed >= FLUSH_SECONDS:
+                self._flush()
         except OSError as error:
             self._fail(error)
 
@@ -218,15 +223,18 @@ class BagWriter:
         # The same in every file and in metadata.yaml: rosbags passes over a topic of which they
         # tell different things.
         metadata = {
-            'offered_qos_profiles': dump_yaml(topic.qos) if topic.qos else '',
+            'offered_qos_profiles': dump_plain(topic.qos) if topic.qos else '',
             'topic_type_hash': topic.type_hash,
         }
         file.add_channel(name, topic.msgtype, topic.definition, metadata)
 
-    def _flush(self, *, describe: bool = False) -> None:
+    def _flush(self) -> None:
         self._files[-1].flush()
         self._flushed = time.monotonic()
-        if describe or self._flushed - self._described >= _METADATA_SECONDS:
+        # Not with each new topic: they come by the hundred, and all of them are written each time.
+        is_due = len(self._topics) != self._topics_described
+        patience = _METADATA_SHARE * self._describing if is_due else _METADATA_SECONDS
+        if self._flushed - self._described >= patience:
             self._write_metadata()
 
     def _fail(self, error: OSError) -> None:
@@ -240,10 +248,13 @@ class BagWriter:
                 last.path.unlink()
                 self._files.pop()
             self._write_metadata()
-        raise OccError(
-            f'recording to {self.directory} ended: {error.strerror}; '
-            f'the {self.message_count} messages before that are kept'
-        ) from error
+        what = f'recording to {self.directory} ended: {error.strerror}; '
+        if not all(os.path.lexists(path) for path in self.paths):
+            raise OccError(
+                f'{what}the directory or a file of it has been removed or renamed, and the '
+                f'{self.message_count} messages before that went with it'
+            ) from error
+        raise OccError(f'{what}the {self.message_count} messages before that are kept') from error
 
     def _information(self, files: Sequence[McapOutput]) -> dict[str, Any]:
         """Return ``rosbag2_bagfile_information`` of files as rosbag2 writes it in version 9."""
@@ -274,7 +285,8 @@ class BagWriter:
         }
 
     def _write_metadata(self) -> None:
-        text = dump_yaml({'rosbag2_bagfile_information': self._information(self._files)})
+        begin = time.monotonic()
+        text = dump_plain({'rosbag2_bagfile_information': self._information(self._files)})
         target, fresh = self.directory / 'metadata.yaml', self.directory / 'metadata.yaml.new'
         try:
             fresh.write_text(text, encoding='utf-8')
@@ -284,7 +296,8 @@ class BagWriter:
                 fresh.unlink()
             if not self._closed or not _overwrite(target, text.encode()):
                 raise
-        self._described = time.monotonic()
+        self._described, self._topics_described = time.monotonic(), len(self._topics)
+        self._describing = self._described - begin
 
 
 def _overwrite(path: Path, data: bytes) -> bool:

@@ -14,7 +14,7 @@ from std_srvs.srv import Trigger
 from occ_constraints_pkg.bags.playback import Playback, is_latched
 from occ_constraints_pkg.bags.recording import Recording
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.ros.bag_topics import profile_to_play, topic_filter
+from occ_constraints_pkg.ros.bag_topics import RCLError, profile_to_play, topic_filter
 from occ_constraints_pkg.ros.messages import message_class, to_time
 from occ_constraints_pkg.ros.process import OccNode, run_node
 from occ_constraints_pkg.ros.qos import SETTLED_LOOKS
@@ -78,11 +78,19 @@ class Player(OccNode):
             info = recording.topics[topic]
             try:
                 kind = message_class(info.msgtype)
+                self.full_name(topic)
             except OccError as error:
                 self.get_logger().warning(f'topic {topic} is not played: {error}')
                 continue
             qos = profile_to_play(info.offered_qos, latched=is_latched(topic, info))
-            publishers[topic] = self.create_publisher(kind, topic, qos)
+            try:
+                publishers[topic] = self.create_publisher(kind, topic, qos)
+            except RCLError:
+                # The middleware allows one type for each topic of a process.
+                self.get_logger().warning(
+                    f'topic {topic} is not played: a message of type {info.msgtype!r} cannot be '
+                    'published there; allowed is the type that this node itself publishes there'
+                )
         if not publishers:
             raise OccError(
                 f'{recording.path} has none of the topics to play whose message type is '

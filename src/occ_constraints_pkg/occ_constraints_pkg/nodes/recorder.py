@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,15 +13,16 @@ from rclpy.subscription import Subscription
 
 from occ_constraints_pkg.bags.definitions import find_definition
 from occ_constraints_pkg.bags.qos import from_profile
-from occ_constraints_pkg.bags.writer import BagWriter
+from occ_constraints_pkg.bags.writer import FLUSH_SECONDS, BagWriter
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.ros.bag_topics import profile_to_record, topic_filter
+from occ_constraints_pkg.ros.bag_topics import RCLError, profile_to_record, topic_filter
 from occ_constraints_pkg.ros.messages import message_class
 from occ_constraints_pkg.ros.process import OccNode, run_node
 from occ_constraints_pkg.ros.qos import no_events
 
 _LOOK_SECONDS = 0.1
-_FLUSH_SECONDS = 0.5
+# Of these, so much is for topics and the rest for messages: to subscribe to thousands takes long.
+_LOOK_SHARE_SECONDS = 0.04
 # A topic that was asked for and that nobody publishes by then may be misspelled.
 _PATIENCE_SECONDS = 5.0
 
@@ -62,8 +64,11 @@ class Recorder(OccNode):
             max_file_bytes=max_bytes,
             max_file_seconds=max_seconds,
         )
+        # The first look-up takes half a second, in which messages would pile up.
+        find_definition('std_msgs/msg/Empty')
+        self._looking: Iterator[None] | None = None
         self.steady_timer(_LOOK_SECONDS, self._look)
-        self.steady_timer(_FLUSH_SECONDS, self._writer.flush)
+        self.steady_timer(FLUSH_SECONDS, self._writer.flush)
         self._impatient = self.steady_timer(_PATIENCE_SECONDS, self._tell_missing)
         self.get_logger().info(f'recording {self._filter} to {output}')
 
@@ -84,21 +89,37 @@ class Recorder(OccNode):
             self.get_logger().warning(f'nobody has published {", ".join(missing)} so far')
 
     def _look(self) -> None:
-        """Subscribe to new topics, and more modestly where a new publisher offers less."""
-        for topic, _ in self.get_topic_names_and_types():
-            if not self._filter.allows(topic):
-                continue
+        """Go on looking through the topics, for a share of the time."""
+        end = self.steady_seconds() + _LOOK_SHARE_SECONDS
+        self._looking = self._looking or self._each_topic()
+        for _ in self._looking:
+            if self.steady_seconds() > end:
+                return
+        self._looking = None
+
+    def _each_topic(self) -> Iterator[None]:
+        """Subscribe to new topics, and more modestly where a new publisher offers less.
+
+        Yields after each topic, the new ones first.
+        """
+        allowed = [
+            topic for topic, _ in self.get_topic_names_and_types() if self._filter.allows(topic)
+        ]
+        for topic in sorted(allowed, key=self._recorded.__contains__):
             known = self._recorded.get(topic)
-            if known is not None and len(known.offered) == self.count_publishers(topic):
-                continue
-            publishers = self.get_publishers_info_by_topic(topic)
-            if not publishers:
-                continue
-            if known is None:
-                known = self._recorded[topic] = _Recorded(publishers[0].topic_type)
-            profiles = [publisher.qos_profile for publisher in publishers]
-            known.offered = [from_profile(profile) for profile in profiles]
-            self._subscribe(topic, known, profiles)
+            if known is None or len(known.offered) != self.count_publishers(topic):
+                self._inspect(topic, known)
+            yield
+
+    def _inspect(self, topic: str, known: _Recorded | None) -> None:
+        publishers = self.get_publishers_info_by_topic(topic)
+        if not publishers:
+            return
+        if known is None:
+            known = self._recorded[topic] = _Recorded(publishers[0].topic_type)
+        profiles = [publisher.qos_profile for publisher in publishers]
+        known.offered = [from_profile(profile) for profile in profiles]
+        self._subscribe(topic, known, profiles)
 
     def _subscribe(self, topic: str, known: _Recorded, offered: list[QoSProfile]) -> None:
         before = known.subscription
@@ -110,19 +131,38 @@ class Recorder(OccNode):
         except OccError as error:
             self.get_logger().warning(f'topic {topic} is not recorded: {error}')
             return
-        # Kept once found. The first look-up takes half a second, in which messages would pile up.
+        # Kept once found, so that no message waits for it.
         find_definition(known.msgtype)
 
-        def write(data: bytes) -> None:
-            # With use_sim_time the time of /clock, as bags of a simulation have it.
-            now = self.get_clock().now().nanoseconds
-            self._writer.write(topic, known.msgtype, data, now, qos=known.offered)
+        def write(data: bytes, info: Mapping[str, int]) -> None:
+            self._writer.write(
+                topic, known.msgtype, data, self._arrival_ns(info), qos=known.offered
+            )
 
         if before is not None:
             self.destroy_subscription(before)
-        known.subscription = self.create_subscription(
-            kind, topic, write, profile, raw=True, event_callbacks=no_events()
-        )
+        try:
+            known.subscription = self.create_subscription(
+                kind, topic, write, profile, raw=True, event_callbacks=no_events()
+            )
+        except RCLError:
+            # The middleware allows one type for each topic of a process.
+            self.get_logger().warning(
+                f'topic {topic} is not recorded: it has type {known.msgtype!r}; allowed is the '
+                'type that this node itself publishes there'
+            )
+
+    def _arrival_ns(self, info: Mapping[str, int]) -> int:
+        """Return when a message arrived, which may be long before it is its turn to be written.
+
+        With use_sim_time it is the time of /clock, as bags of a simulation have it: the messages
+        of the clock wait in the same queue, so they are as late.
+        """
+        clock = self.get_clock()
+        # Not every middleware tells the time.
+        if clock.ros_time_is_active or not info['received_timestamp']:
+            return clock.now().nanoseconds
+        return info['received_timestamp']
 
 
 def main(argv: list[str] | None = None) -> int:

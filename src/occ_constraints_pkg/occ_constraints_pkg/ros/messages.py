@@ -6,8 +6,14 @@ from __future__ import annotations
 
 import array
 import math
+import os
+import re
+import site
+import sys
 from functools import cache
 from importlib import import_module
+from importlib.machinery import PathFinder
+from pathlib import Path
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -18,6 +24,7 @@ from occ_constraints_pkg.bags.table import Table
 from occ_constraints_pkg.errors import OccError
 
 _SECOND = 1_000_000_000
+_TYPE_NAME = re.compile(r'(?!\w*__)[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*')
 
 
 def to_time(nanoseconds: int) -> Time:
@@ -69,13 +76,52 @@ def scaled_twist(twist: Twist, scale: float) -> Twist | None:
 def message_class(msgtype: str) -> Any:
     """Return the Python class of a message type such as ``sensor_msgs/msg/LaserScan``.
 
+    The name may come from a recording or from the network, so nothing is imported but packages
+    that ROS has generated and somebody has installed.
+
     Raises:
-        OccError: no installed package provides it.
+        OccError: it cannot name a message type, or no installed package provides it.
     """
-    try:
-        package, kind, name = msgtype.split('/')
-        return getattr(import_module(f'{package}.{kind}'), name)
-    except (ValueError, ImportError, AttributeError) as error:
+    if not _TYPE_NAME.fullmatch(msgtype):
+        raise OccError(
+            f'{msgtype[:100]!r} is no message type; allowed are names such as std_msgs/msg/String'
+        )
+    package, _, name = msgtype.split('/')
+    kind = None
+    if _is_installed(package):
+        kind = getattr(import_module(f'{package}.msg'), name, None)
+    if not hasattr(kind, 'get_fields_and_field_types'):
         raise OccError(
             f'message type {msgtype!r} is not installed; install the ROS package that defines it'
-        ) from error
+        )
+    return kind
+
+
+def _is_installed(package: str) -> bool:
+    """Tell, without importing anything, whether a package of messages is installed.
+
+    Then it lies where Python packages are installed, or below a directory of ``AMENT_PREFIX_PATH``,
+    and has the compiled type support that ROS generates for messages. Whatever lies in the present
+    directory, perhaps beside a recording of somebody else, is no such package.
+    """
+    found = PathFinder.find_spec(package, [path for path in sys.path if _is_for_packages(path)])
+    if found is None or found.origin is None:
+        return False
+    loaded = sys.modules.get(package)
+    taken = PathFinder.find_spec(package) if loaded is None else loaded.__spec__
+    folder = Path(found.origin).parent
+    return (
+        taken is not None
+        and taken.origin == found.origin
+        and (folder / 'msg' / '__init__.py').is_file()
+        and any(folder.glob(f'{package}_s__rosidl_typesupport_c*'))
+    )
+
+
+def _is_for_packages(path: str) -> bool:
+    place = Path(path).absolute()
+    prefixes = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
+    return place != Path.cwd() and (
+        place in (Path(folder) for folder in (*site.getsitepackages(), site.getusersitepackages()))
+        or any(place.is_relative_to(Path(prefix).absolute()) for prefix in prefixes if prefix)
+    )

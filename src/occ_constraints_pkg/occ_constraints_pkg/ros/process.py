@@ -85,6 +85,8 @@ class OccNode(Node):
     def create_subscription(self, msg_type: Any, topic: str, callback: Any, *args: Any, **kw: Any):
         """Subscribe as :meth:`rclpy.node.Node.create_subscription` does, but guarded.
 
+        A callback with two arguments also gets what the middleware knows of the message.
+
         Raises:
             OccError: ``topic`` is no valid name.
         """
@@ -225,6 +227,9 @@ class OccNode(Node):
         # Left to the executor, the error would be told three times over, with lines of code.
         @wraps(callback)
         def call(*args: Any) -> Any:
+            # The events executor hands a message and what is known of it over as one tuple.
+            if len(args) == 1 and isinstance(args[0], tuple):
+                args = args[0]
             try:
                 return callback(*args)
             except (OccError, OSError) as error:

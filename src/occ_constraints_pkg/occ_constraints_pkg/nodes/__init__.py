@@ -32,10 +32,11 @@ def run(name: str, argv: list[str] | None = None) -> int:
     Returns:
         0 after a clean end, Ctrl-C and SIGTERM included; 2 after a mistake in the input.
     """
-    # From here on, for the imports alone take seconds.
     with stop_request.listening():
         try:
-            return node_main(name)(argv)
+            with stop_request.ending_at_once(0):
+                main = node_main(name)
+            return main(argv)
         except OccError as error:
             print(f'error: {error}', file=sys.stderr)
             return 2

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable
 
 from occ_constraints_pkg.errors import OccError, import_needed
+from occ_constraints_pkg.ros.environment import check_environment
 from occ_constraints_pkg.stopping import stop_request
 
 NODES = (
@@ -35,6 +36,7 @@ def run(name: str, argv: list[str] | None = None) -> int:
     with stop_request.listening():
         try:
             with stop_request.ending_at_once(0):
+                check_environment()
                 main = node_main(name)
             return main(argv)
         except OccError as error:

@@ -47,6 +47,8 @@ _EDITS = ('disabled_rules', 'enabled_rules', 'moved_bounds')
 class Monitor(ManagedNode):
     """Publishes cost, verdict and margin for every row of features."""
 
+    subscribes_later = True
+
     def __init__(self) -> None:
         super().__init__('monitor')
         self._declare()

@@ -32,6 +32,8 @@ _CLOCK_SECONDS = 1.0
 class TreeLearner(OccNode):
     """Learns at the start when recordings are given, else collects until ``~/learn`` is called."""
 
+    subscribes_later = True
+
     def __init__(self) -> None:
         super().__init__('tree_learner')
         bags = self.parameter('bags', [], 'recordings; none: collect from live topics')

@@ -22,7 +22,7 @@ from rclpy.exceptions import (
     NameValidationException,
 )
 from rclpy.executors import ExternalShutdownException
-from rclpy.experimental import EventsExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
@@ -32,9 +32,24 @@ from rclpy.timer import Timer
 from rclpy.utilities import remove_ros_args
 from rclpy.validate_topic_name import validate_topic_name
 
-from occ_constraints_pkg.documents import did_you_mean
+from occ_constraints_pkg.documents import read_text
 from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.ros.environment import check_clock
+from occ_constraints_pkg.ros.overrides import (
+    ROS_SWITCHES,
+    check_qos_overrides,
+    check_unknown,
+    params_files,
+)
 from occ_constraints_pkg.stopping import parent_is_gone, stop_request
+
+try:
+    from rclpy.experimental import EventsExecutor
+except ImportError as error:
+    raise OccError(
+        'the installed rclpy has no events executor; allowed is rclpy from 7.1.4: sudo apt install '
+        "--only-upgrade ros-jazzy-rclpy, or pip install -U 'occ_constraints_pkg[ros]'"
+    ) from error
 
 # How often a quiet process looks whether it was asked to end. The executor needs a finite limit
 # in any case: with some C++ libraries an unlimited wait overflows and spins at full load.
@@ -43,11 +58,11 @@ _LOOK_SECONDS = 0.2
 _LEAVE_SECONDS = 1.0
 # Periods that would mean never, for a clock in ns ends after 292 years: this is 30.
 _LONGEST_SECONDS = 1e9
+# What rclpy raises when the layers below refuse something; it has no public name.
+_RCLError = rclpy_implementation.RCLError
+
 # So large a number of seconds is still finite in ns.
 _LARGEST = 1e290
-
-# Parameters that rclpy declares by itself.
-_NOT_OURS = ('qos_overrides.', 'start_type_description_service', 'use_sim_time')
 
 _Value = TypeVar('_Value', bool, int, float, str, list)
 
@@ -62,13 +77,30 @@ class OccNode(Node):
         done: set when the process should end; its result is the exit code.
         takes_the_rest: whether messages that have come when the process is asked to end are still
             handed to their callbacks.
+        subscribes_later: whether it subscribes to topics that it learns of while it runs.
+
+    Raises:
+        OccError: a parameter of ROS's own, such as ``use_sim_time``, has a wrong value.
     """
 
     takes_the_rest = False
+    subscribes_later = False
 
     def __init__(self, name: str, **kwargs: Any) -> None:
         self.done: Future = Future()
-        super().__init__(name, **kwargs)
+        try:
+            super().__init__(name, **kwargs)
+        except InvalidParameterTypeException as error:
+            wrong = next(
+                item
+                for item in self._parameter_overrides.values()
+                if item.name in ROS_SWITCHES and item.type_ != Parameter.Type.BOOL
+            )
+            raise OccError(
+                f'parameter {wrong.name!r} of node {name!r}: got {wrong.value!r}; allowed is true '
+                'or false'
+            ) from error
+        check_qos_overrides(self._parameter_overrides.values())
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
 
     def finish(self, exit_code: int = 0) -> None:
@@ -189,20 +221,25 @@ class OccNode(Node):
             ) from error
         return [item for item in value if item] if isinstance(default, list) else value
 
-    def warn_of_unknown_parameters(self) -> None:
-        """Warn of parameters that were given and that the node does not have: rclpy says nothing.
+    def check_overrides(self, argv: Sequence[str]) -> None:
+        """Look for parameters that were given and that the node does not have: rclpy ignores them.
 
         Call it when all have been declared.
+
+        Args:
+            argv: the command line that they came with.
+
+        Raises:
+            OccError: one was given to this node by name, or on its command line.
         """
-        known = [name for name in self._parameters if not name.startswith(_NOT_OURS)]
-        for name in self._parameter_overrides:
-            # Those of QoS belong to subscriptions, which may come later.
-            if not (self.has_parameter(name) or name.startswith('qos_overrides.')):
-                hint = did_you_mean(name, known) or ';'
-                self.get_logger().warning(
-                    f'parameter {name!r} is ignored: this node has no such parameter{hint} '
-                    f'it has {", ".join(known)}'
-                )
+        ignored = [name for name in self._parameter_overrides if not self.has_parameter(name)]
+        if self.subscribes_later:
+            later = re.compile(r'qos_overrides\..*\.subscription\.')
+            ignored = [name for name in ignored if not later.match(name)]
+        check_unknown(
+            ignored, list(self._parameters), argv, self.get_fully_qualified_name(),
+            self.get_logger().warning,
+        )
 
     def fail(self, error: OccError | OSError) -> None:
         """End the process with exit code 2 and one sentence."""
@@ -229,6 +266,8 @@ class OccNode(Node):
                 return callback(*args)
             except (OccError, OSError) as error:
                 self.fail(error)
+            except _RCLError as error:
+                self.fail(_refusal(error))
 
         return call
 
@@ -250,7 +289,7 @@ def run_node(make_node: Callable[[], OccNode], argv: Sequence[str] | None = None
         try:
             _initialise(list(argv or []))
             node = make_node()
-            node.warn_of_unknown_parameters()
+            node.check_overrides(argv or [])
             node.begin()
             code = _spin(node)
         except (KeyboardInterrupt, ExternalShutdownException):
@@ -259,6 +298,8 @@ def run_node(make_node: Callable[[], OccNode], argv: Sequence[str] | None = None
             code = tell(error)
         except NameValidationException as error:
             code = tell(OccError(f'cannot start: {_one_line(error)}'))
+        except _RCLError as error:
+            code = tell(_refusal(error))
         finally:
             if node is not None:
                 code = _close(node) or code
@@ -273,14 +314,15 @@ def tell(error: OccError | OSError) -> int:
 
 
 def _initialise(argv: list[str]) -> None:
+    for path in params_files(argv):
+        read_text(path)
     allowed = 'allowed are ROS arguments such as -p NAME:=VALUE, -r FROM:=TO, --params-file FILE'
     try:
         rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
         other = remove_ros_args(argv)
     # rclpy has no public type for a malformed command line.
     except Exception as error:
-        # Without the places in the source of rcl.
-        reason = re.sub(r', at \S+:\d+', '', _one_line(error))
+        reason = _without_places(error)
         raise OccError(f'the arguments are not understood: {reason}; {allowed}') from error
     if other:
         raise OccError(f'unknown argument {other[0]!r}; {allowed}, after --ros-args')
@@ -306,13 +348,30 @@ def _close(node: OccNode) -> int:
         node.close()
     except (OccError, OSError) as error:
         return tell(error)
+    except _RCLError as error:
+        # What ended the node has mostly been told by now, and this is a consequence of it.
+        return 2 if node.done.done() else tell(_refusal(error))
     finally:
         node.destroy_node()
     return 0
 
 
+def _refusal(error: Exception) -> OccError:
+    """Return in one sentence why the layers below rclpy refuse something."""
+    try:
+        check_clock()
+    except OccError as reason:
+        return reason
+    return OccError(f'ROS refuses: {_without_places(error)}')
+
+
 def _one_line(error: Exception) -> str:
     return ' '.join(str(error).split())
+
+
+def _without_places(error: Exception) -> str:
+    """Return an error of rcl without the places in its source."""
+    return re.sub(r', at \S+:\d+', '', _one_line(error))
 
 
 def _allowed(default: Any, low: float | None, high: float | None) -> str:

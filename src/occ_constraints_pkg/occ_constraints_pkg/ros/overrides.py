@@ -84,7 +84,7 @@ def check_unknown(
         return
     ours = set(_of_command_line(argv))
     for path in params_files(argv):
-        ours |= set(_of_section(yaml.safe_load(read_text(path)), node.rpartition('/')[2]))
+        ours |= set(_of_sections(yaml.safe_load(read_text(path)), node))
     for name in ignored:
         hint, allowed = _similar(name, declared)
         if name in ours:
@@ -109,15 +109,23 @@ def _of_command_line(argv: Sequence[str]) -> Iterator[str]:
             yield value.partition(':=')[0].rpartition(':')[2]
 
 
-def _of_section(content: Any, node: str, key: str = '') -> Iterator[str]:
-    """Yield the names of parameters in the sections of a file whose last part is ``node``."""
+def _of_sections(content: Any, node: str, key: str = '') -> Iterator[str]:
+    """Yield the names of parameters in the sections of a file that speak of ``node`` by name."""
     if not isinstance(content, dict):
         return
     for part, value in content.items():
         if part != 'ros__parameters':
-            yield from _of_section(value, node, str(part))
-        elif key.rpartition('/')[2] == node:
+            yield from _of_sections(value, node, f'{key}/{part}')
+        elif _names(key, node):
             yield from _flat(value, '')
+
+
+def _names(key: str, node: str) -> bool:
+    """Return whether the key of a section means a node, and no other one of its namespace."""
+    parts = [part for part in key.split('/') if part]
+    patterns = {'**': '(/[^/]+)*', '*': '/[^/]+'}
+    pattern = ''.join(patterns.get(part, f'/{re.escape(part)}') for part in parts)
+    return bool(parts) and parts[-1] not in patterns and bool(re.fullmatch(pattern, node))
 
 
 def _flat(content: Any, prefix: str) -> Iterator[str]:

@@ -4,9 +4,15 @@
 
 from __future__ import annotations
 
+import itertools
 import json
+import os
+import re
+import stat
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.files import replacing
@@ -14,6 +20,9 @@ from occ_constraints_pkg.rules.ruleset import RuleCounts, RuleSet
 from occ_constraints_pkg.rules.verdict import Judgement
 
 _FORMAT = 'occ_constraints counts 1'
+# Counters of 100000 rules take a tenth of it.
+_MOST_BYTES = 100_000_000
+_DAMAGED = 'damaged'
 
 
 class KeptCounts(RuleCounts):
@@ -24,6 +33,8 @@ class KeptCounts(RuleCounts):
         violated: (rules,) int64.
         until_ns: stamp of the newest samples counted, in ns; 0 for none.
         resumed: whether the counters go on from the file.
+        problem: why the file there cannot be used, in one sentence; empty where it can. It is
+            kept beside, as ``.damaged``, once there is something to write.
     """
 
     def __init__(self, rule_set: RuleSet, path: str | Path = '') -> None:
@@ -32,16 +43,14 @@ class KeptCounts(RuleCounts):
         Args:
             rule_set: the rules to count.
             path: JSON file; none: the counters are not kept.
-
-        Raises:
-            OccError: the file cannot be read, or is no file of counters.
         """
         super().__init__(rule_set)
         self._rule_set, self._path = rule_set, path
-        # The rule set that the file counts, if it is another one: that file is kept beside.
-        self._other = ''
+        # What to append to the name of the file that is there, if it is to be kept beside: the
+        # rule set that it counts, or that it is damaged.
+        self._other = self.problem = ''
         self.until_ns = 0
-        self.resumed = bool(path) and Path(path).exists() and self._read()
+        self.resumed = bool(path) and self._read()
         self._is_first = self._is_kept = self.resumed
 
     def add_stamped(self, judgement: Judgement, stamp_ns: int) -> None:
@@ -81,32 +90,82 @@ class KeptCounts(RuleCounts):
             'rules': rules,
         }
         with replacing(self._path) as draft:
-            if self._other:
-                Path(self._path).replace(f'{self._path}.{self._other}')
-                self._other = ''
             draft.write_text(json.dumps(document, indent=1), encoding='utf-8')
+            # Only now that there is room for the new one.
+            if self._other and os.path.exists(self._path):
+                Path(self._path).replace(_free_name(f'{self._path}.{self._other}'))
+            self._other = ''
         self._is_kept = True
 
     def _read(self) -> bool:
         """Take over what the file says; return whether it counts these rules."""
         try:
-            document: Any = json.loads(Path(self._path).read_text(encoding='utf-8'))
+            text = _text(self._path)
+            if text is None:
+                return False
+            document: Any = json.loads(text)
             if document['format'] != _FORMAT:
                 raise ValueError(document['format'])
             if document['rule_set'] != self._rule_set.fingerprint:
-                self._other = str(document['rule_set'])
+                self._other = _name_of(document['rule_set'])
                 return False
             counts = [document['rules'][rule.id] for rule in self._rule_set.rules]
-            self.evaluated[:] = [item['evaluated'] for item in counts]
-            self.violated[:] = [item['violated'] for item in counts]
+            evaluated = np.array([_count(item['evaluated']) for item in counts], np.int64)
+            violated = np.array([_count(item['violated']) for item in counts], np.int64)
             self.until_ns = int(document['until_ns'])
         except OSError as error:
-            raise OccError(f'cannot read {self._path}: {error.strerror or error}') from error
-        except (ValueError, KeyError, TypeError, OverflowError) as error:
-            raise OccError(
-                f'{self._path} is no file of rule counters; allowed is {_FORMAT!r}'
-            ) from error
-        return True
+            self.problem = f'cannot read {self._path}: {error.strerror or error}'
+        except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
+            self.problem = f'{self._path} is no file of rule counters; allowed is {_FORMAT!r}'
+        else:
+            self.evaluated[:], self.violated[:] = evaluated, violated
+            return True
+        self._other = _DAMAGED
+        return False
+
+
+def _text(path: str | Path) -> str | None:
+    """Return what a file of counters holds, as far as its size is one; None if it is not there.
+
+    Raises:
+        OSError: it cannot be read.
+        ValueError: it is no text, too large, or no ordinary file.
+    """
+    try:
+        if not stat.S_ISREG(Path(path).stat().st_mode):
+            raise ValueError(path)
+        with Path(path).open('rb') as file:
+            data = file.read(_MOST_BYTES + 1)
+    except FileNotFoundError:
+        return None
+    if len(data) > _MOST_BYTES:
+        raise ValueError(path)
+    return data.decode('utf-8')
+
+
+def _count(value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or value < 0:
+        raise ValueError(value)
+    return value
+
+
+def _name_of(fingerprint: Any) -> str:
+    """Return the fingerprint of a rule set as a part of a file's name.
+
+    Raises:
+        ValueError: it is none.
+    """
+    if not isinstance(fingerprint, str) or not re.fullmatch(r'\w{1,64}', fingerprint):
+        raise ValueError(fingerprint)
+    return fingerprint
+
+
+def _free_name(name: str) -> str:
+    """Return a name at which nothing is lost but older counters of the same rule set."""
+    if not name.endswith(f'.{_DAMAGED}'):
+        return name
+    numbered = (f'{name}.{number}' for number in itertools.count(1))
+    return next(path for path in itertools.chain([name], numbered) if not os.path.exists(path))
 
 
 def read_counts(path: str | Path, rule_set: RuleSet) -> RuleCounts:
@@ -115,9 +174,11 @@ def read_counts(path: str | Path, rule_set: RuleSet) -> RuleCounts:
     Raises:
         OccError: it cannot be read, is no file of counters, or counts other rules.
     """
-    if not Path(path).exists():
+    if not os.path.exists(path):
         raise OccError(f'cannot read {path}: there is no such file')
     counts = KeptCounts(rule_set, path)
+    if counts.problem:
+        raise OccError(counts.problem)
     if not counts.resumed:
         raise OccError(
             f'{path} counts other rules; allowed are counters of the rule set '

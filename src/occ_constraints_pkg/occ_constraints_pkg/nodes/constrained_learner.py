@@ -92,6 +92,7 @@ class ConstrainedLearner(OccNode):
             subscribe_to_tables(self, *item).topic_name for item in topics.items()
         )
         self.steady_timer(_LOOK_SECONDS, self._watch)
+        self.get_logger().info(f'waiting for {self._observation} and {self._costs}')
 
     def _on_observation(self, message: TableMessage) -> None:
         # While the monitor judges, the action is chosen: it does not depend on the cost.

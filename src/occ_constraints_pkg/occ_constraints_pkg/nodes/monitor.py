@@ -125,6 +125,8 @@ class Monitor(ManagedNode):
     def activate(self) -> None:
         """Begin to judge."""
         self._judging.start()
+        if self._rules.rule_set is None:
+            self.get_logger().info(f'waiting for rules on {self.full_name("constraints")}')
 
     def deactivate(self) -> None:
         """Say UNKNOWN once more, and then nothing."""

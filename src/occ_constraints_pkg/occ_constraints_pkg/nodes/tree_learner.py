@@ -111,6 +111,10 @@ class TreeLearner(OccNode):
                 self.finish()
         else:
             self._topics = MappedTopics(self, self._map, self._on_input)
+            self.get_logger().info(
+                f'collecting samples from {", ".join(map(self.full_name, self._map.topics))} until '
+                f'{self.get_fully_qualified_name()}/learn is called'
+            )
 
     def _on_input(self, topic: str, message: Any) -> None:
         now = self._arrival.now_ns()

@@ -54,6 +54,8 @@ except ImportError as error:
 # How often a quiet process looks whether it was asked to end. The executor needs a finite limit
 # in any case: with some C++ libraries an unlimited wait overflows and spins at full load.
 _LOOK_SECONDS = 0.2
+# How often a node looks whether another one has its name.
+_NAMESAKE_SECONDS = 2.0
 # How long the last messages may take to reach subscribers that are there.
 _LEAVE_SECONDS = 1.0
 # Periods that would mean never, for a clock in ns ends after 292 years: this is 30.
@@ -102,6 +104,8 @@ class OccNode(Node):
             ) from error
         check_qos_overrides(self._parameter_overrides.values())
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._has_namesake = False
+        self.steady_timer(_NAMESAKE_SECONDS, self._look_for_namesakes)
 
     def finish(self, exit_code: int = 0) -> None:
         """End the process after the present callback."""
@@ -245,6 +249,18 @@ class OccNode(Node):
         """End the process with exit code 2 and one sentence."""
         tell(error)
         self.finish(2)
+
+    def _look_for_namesakes(self) -> None:
+        """Warn of another node with the same full name: each would answer for the other."""
+        full = self.get_fully_qualified_name()
+        nodes = self.get_node_names_and_namespaces()
+        count = sum(f'{space.rstrip("/")}/{name}' == full for name, space in nodes)
+        if count > 1 and not self._has_namesake:
+            self.get_logger().warning(
+                f'{count} nodes are called {full}; allowed is one, so end the others or rename this '
+                'one with -r __node:=NAME (one that was killed is listed for some 20 s yet)'
+            )
+        self._has_namesake = count > 1
 
     def _adapt_override(self, name: str, default: Any) -> None:
         override = self._parameter_overrides.get(name)

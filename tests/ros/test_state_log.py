@@ -16,7 +16,10 @@ from occ_constraints_pkg.ros.state_log import StateLog
 
 RULES = RuleSet(
     FeatureSpace((Feature('v2', 'm/s'), Feature('gap', 'm', 0.0))),
-    (Rule('FAST', (Literal(0, '>', 1.0),)), Rule('BOTH', (Literal(0, '>', 0.5), Literal(1, '<', 1)))),
+    (
+        Rule('FAST', (Literal(0, '>', 1.0),)),
+        Rule('BOTH', (Literal(0, '>', 0.5), Literal(1, '<', 1))),
+    ),
     np.array([[0.0, 1.0], [0.0, 2.0]]),
 )
 SAFE, BOTH, FAST, OUT = [0.4, 1.5], [0.7, 0.5], [1.5, 0.5], [0.4, -1.0]

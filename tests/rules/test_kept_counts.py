@@ -91,7 +91,9 @@ DAMAGED = {
     'deep': b'[' * 100_000,
     'no text': b'\xff\xfe',
     'a name that leads away': b'{"format": "occ_constraints counts 1", "rule_set": "/../../x"}',
-    'too large a number': b'{"format": "occ_constraints counts 1", "until_ns": ' + b'9' * 5000 + b'}',
+    'too large a number': b'{"format": "occ_constraints counts 1", "until_ns": '
+    + b'9' * 5000
+    + b'}',
 }
 
 

@@ -23,6 +23,7 @@ def files(tmp_path_factory, rules_of):
     rules_of['simple_nav'].save(folder / 'edited.yaml')
     text = (folder / 'edited.yaml').read_text()
     (folder / 'newer.yaml').write_text(text.replace('schema_version: 1', 'schema_version: 2'))
+    (folder / 'units.yaml').write_text(text.replace("unit: '1'", 'unit: km', 1))
     (folder / 'corrupt.yaml').write_text(text[: len(text) // 2] + '\0')
     (folder / 'slip.yaml').write_text('/**/monitor: {ros__parameters: {timeot: 1.0}}')
     (folder / 'shared.yaml').write_text(
@@ -65,6 +66,7 @@ MISTAKES = {
     'monitor -p constraints_file:=typo.yaml': "did you mean 'operator'",
     'monitor -p constraints_file:=newer.yaml': 'newer.yaml',
     'monitor -p constraints_file:=corrupt.yaml': 'corrupt.yaml',
+    'monitor -p constraints_file:=units.yaml': "but feature_map gives x in '1'",
     'monitor -p constraints_file:=edited.yaml -p disabled_rules:=X': "there is no rule 'X'",
     'monitor -p constraints_file:=edited.yaml -p moved_bounds:=X': "a moved bound is 'X'",
     'monitor -p trigger_count:=2': 'a window of at least trigger_count',
@@ -115,6 +117,7 @@ MISTAKES = {
     'player -p bag:=drive -p exclude_topics:=observatio': "no topic 'observatio'",
     'player -p bag:=drive -p exclude_regex:=.': 'none of the topics to play',
     'policy -p policy:=nowhere.npz': 'nowhere.npz',
+    'policy -p policy:=expret': "there is no driver 'expret'; did you mean 'expert'?",
     'sim -p world:=simple_nave': "did you mean 'simple_nav'",
     'player -p bag:=drive -p start_offset:=1e300': 'got 1e+300; allowed is a number from 0',
     'sim -p num_robots:=0': 'allowed is a whole number from 1',

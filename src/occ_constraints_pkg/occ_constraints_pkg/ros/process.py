@@ -241,7 +241,10 @@ class OccNode(Node):
             later = re.compile(r'qos_overrides\..*\.subscription\.')
             ignored = [name for name in ignored if not later.match(name)]
         check_unknown(
-            ignored, list(self._parameters), argv, self.get_fully_qualified_name(),
+            ignored,
+            list(self._parameters),
+            argv,
+            self.get_fully_qualified_name(),
             self.get_logger().warning,
         )
 

@@ -116,7 +116,9 @@ class RulesInForce:
             + (f'; counters go on from {self.counts_file}' if rules.counts.resumed else '')
         )
         if rules.counts.problem:
-            log.warning(f'{rules.counts.problem}; counters begin at 0, and that file is kept beside')
+            log.warning(
+                f'{rules.counts.problem}; counters begin at 0, and that file is kept beside'
+            )
         if rules.left_out:
             log.warning(f'some of the edits by parameter speak of no rule of {rules.where}')
         if not len(rule_set.order):

@@ -74,7 +74,7 @@ setup(
             'yamllint>=1.35',
         ],
     },
-    entry_points={'console_scripts': [f'occ = {NAME}.cli:main']},
+    entry_points={'console_scripts': [f'occ = {NAME}.__main__:main']},
     # The nodes are data files, not console scripts: `ros2 run` and `ros2 launch` look in
     # lib/<package>/, and names as general as `sim` or `monitor` must stay out of bin/.
     data_files=[

@@ -3,17 +3,21 @@
 """``python -m occ_constraints_pkg`` is the same as ``occ``."""
 
 import sys
+from contextlib import nullcontext
 
 from occ_constraints_pkg.stopping import stop_request
 
+# Commands that run a node, which ends cleanly on Ctrl-C, also before it is one.
+_NODES = ('node', 'record', 'play')
+
 
 def main() -> int:
-    """Run ``occ``, quiet on Ctrl-C from the start on; see :func:`occ_constraints_pkg.cli.main`."""
-    # A node answers Ctrl-C by a clean end, also before it is one.
-    ending = (0,) if sys.argv[1:2] == ['node'] else (130, 'stopped')
-    with stop_request.ending_at_once(*ending):
+    """Run ``occ``; see :func:`occ_constraints_pkg.cli.main`."""
+    is_node = len(sys.argv) > 1 and sys.argv[1] in _NODES
+    with stop_request.ending_at_once(0) if is_node else nullcontext():
         from occ_constraints_pkg.cli import main as occ
-    return occ()
+
+        return occ()
 
 
 if __name__ == '__main__':

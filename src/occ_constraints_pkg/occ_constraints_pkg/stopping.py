@@ -36,12 +36,16 @@ class StopRequest:
 
     @contextmanager
     def listening(self) -> Iterator[None]:
-        """Take the signals over for the block; blocks within do nothing more.
+        """Take the signals over for the block, in which a request is only noted.
 
         Only the main thread may enter it.
         """
         if self._is_listening:
-            yield
+            before, self._ending = self._ending, None
+            try:
+                yield
+            finally:
+                self._ending = before
             return
         self.made, self._is_listening = False, True
         # A program started under nohup is meant to outlive its terminal.
@@ -74,7 +78,8 @@ class StopRequest:
         """Within the block a request ends the process on the spot, without a word of Python's.
 
         It is for imports: they take seconds, have nothing to lose, and an exception among them
-        may come out as another one. Signals are listened to as in :meth:`listening`.
+        may come out as another one. Signals are listened to as in :meth:`listening`, and a block
+        of that within this one takes over.
 
         Args:
             code: the exit code.

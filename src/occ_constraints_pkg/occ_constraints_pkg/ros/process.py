@@ -260,8 +260,8 @@ class OccNode(Node):
         count = sum(f'{space.rstrip("/")}/{name}' == full for name, space in nodes)
         if count > 1 and not self._has_namesake:
             self.get_logger().warning(
-                f'{count} nodes are called {full}; allowed is one, so end the others or rename this '
-                'one with -r __node:=NAME (one that was killed is listed for some 20 s yet)'
+                f'{count} nodes are called {full}; allowed is one, so end the others, or rename '
+                'this one with -r __node:=NAME (one that was killed is listed for some 20 s yet)'
             )
         self._has_namesake = count > 1
 

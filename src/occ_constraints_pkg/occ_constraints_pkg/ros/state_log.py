@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""The verdicts in the monitor's own log: a line for each change, and few lines where it flickers."""
+"""The verdicts in the monitor's own log: a line for each change, few lines where it flickers."""
 
 from __future__ import annotations
 

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable
 
 from occ_constraints_pkg.errors import OccError, import_needed
+from occ_constraints_pkg.nodes.help import asks_for_help, print_help
 from occ_constraints_pkg.ros.environment import check_environment
 from occ_constraints_pkg.stopping import stop_request
 
@@ -28,7 +29,8 @@ def run(name: str, argv: list[str] | None = None) -> int:
 
     Args:
         name: one of :data:`NODES`.
-        argv: arguments for ROS, ``--ros-args`` included.
+        argv: arguments for ROS, ``--ros-args`` included; with ``--help`` among them the node is
+            only described.
 
     Returns:
         0 after a clean end, Ctrl-C and SIGTERM included; 2 after a mistake in the input.
@@ -38,7 +40,7 @@ def run(name: str, argv: list[str] | None = None) -> int:
             with stop_request.ending_at_once(0):
                 check_environment()
                 main = node_main(name)
-            return main(argv)
+            return print_help(name, main) if asks_for_help(argv or ()) else main(argv)
         except OccError as error:
             print(f'error: {error}', file=sys.stderr)
             return 2

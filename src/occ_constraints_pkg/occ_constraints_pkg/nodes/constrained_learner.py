@@ -56,6 +56,7 @@ class ConstrainedLearner(OccNode):
             decay_steps=self._total,
             device=self.parameter('device', defaults.device, 'torch device, cpu or cuda'),
         )
+        self.declared()
         # Refused now, not when the first observation comes, as far as one robot shows it.
         torch_device(self._config.device)
         self._config.check_steps('total_steps', self._total, 1)

@@ -52,6 +52,7 @@ class Monitor(ManagedNode):
     def __init__(self) -> None:
         super().__init__('monitor')
         self._declare()
+        self.declared()
         # The newest text on the topic constraints, and that of the rules in force.
         self._offered = self._received = ''
         self._rules = RulesInForce(self)

@@ -47,6 +47,7 @@ class Player(OccNode):
         self._wanted = self.parameter(
             'wait_for_subscribers', 0, 'subscriptions over all topics before the start', low=0
         )
+        self.declared()
         if not bag:
             raise OccError("parameter 'bag' of node 'player' is missing; give a recording")
         recording = Recording(bag)

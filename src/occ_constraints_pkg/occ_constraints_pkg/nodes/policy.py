@@ -36,6 +36,7 @@ class Policy(OccNode):
         wait = self.parameter(
             'wait_for_costs', False, 'act only when costs of the same stamp are there as well'
         )
+        self.declared()
         self._rng = np.random.default_rng(seed)
         # A mistake is to show before the first observation, as far as the world plays no part.
         check_name(self._name)

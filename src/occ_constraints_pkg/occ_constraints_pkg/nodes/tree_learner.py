@@ -74,6 +74,7 @@ class TreeLearner(OccNode):
         calibrate_on = self.parameter(
             'calibrate_on', [], 'recordings of safe episodes for that; none: held-out episodes'
         )
+        self.declared()
         if calibrate_on and not bags:
             raise OccError(
                 "parameter 'calibrate_on' of node 'tree_learner' goes with 'bags' only; allowed "

@@ -17,12 +17,18 @@ from occ_constraints_pkg.errors import OccError
 ROS_SWITCHES = ('use_sim_time', 'start_type_description_service')
 """Parameters, true or false, that every node has from rclpy."""
 
-_QOS = re.compile(r'qos_overrides\.(?P<topic>.+)\.(?P<end>[^.]+)\.(?P<policy>[^.]+)')
+QOS_PREFIX = 'qos_overrides.'
+"""How the parameters begin that override the quality of service of a topic."""
+
 _POLICIES = {
     'history': ('keep_last', 'keep_all', 'system_default'),
     'reliability': ('reliable', 'best_effort', 'system_default', 'best_available'),
     'depth': (),
 }
+OF_SUBSCRIPTION = re.compile(rf'{re.escape(QOS_PREFIX)}.+\.subscription\.({"|".join(_POLICIES)})')
+"""The overrides that a subscription of a node may ask for."""
+
+_QOS = re.compile(r'qos_overrides\.(?P<topic>.+)\.(?P<end>[^.]+)\.(?P<policy>[^.]+)')
 # Those that ROS has besides, which is no slip.
 _OTHER_POLICIES = (
     'avoid_ros_namespace_conventions',
@@ -138,8 +144,8 @@ def _flat(content: Any, prefix: str) -> Iterator[str]:
 
 def _similar(name: str, declared: Sequence[str]) -> tuple[str, str]:
     """Return the hint at a similar name, and in words what is allowed in place of ``name``."""
-    qos = [item for item in declared if item.startswith('qos_overrides.')]
-    if not name.startswith('qos_overrides.'):
+    qos = [item for item in declared if item.startswith(QOS_PREFIX)]
+    if not name.startswith(QOS_PREFIX):
         known = [item for item in declared if item not in (*qos, *ROS_SWITCHES)]
         return did_you_mean(name, (*known, *ROS_SWITCHES)), ', '.join(known)
     if not qos:

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 import time
@@ -36,6 +37,8 @@ from occ_constraints_pkg.documents import read_text
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.ros.environment import check_clock
 from occ_constraints_pkg.ros.overrides import (
+    OF_SUBSCRIPTION,
+    QOS_PREFIX,
     ROS_SWITCHES,
     check_qos_overrides,
     check_unknown,
@@ -66,7 +69,16 @@ _RCLError = rclpy_implementation.RCLError
 # So large a number of seconds is still finite in ns.
 _LARGEST = 1e290
 
+# What the present node was started with; rclpy keeps it where it cannot be read.
+_arguments: list[str] = []
+# What a node that is only described has declared so far; None for one that is to run.
+_described: list[tuple[str, str, str, str]] | None = None
+
 _Value = TypeVar('_Value', bool, int, float, str, list)
+
+
+class _DescribedError(Exception):
+    """All parameters of a node that is only described are declared."""
 
 
 class OccNode(Node):
@@ -197,6 +209,9 @@ class OccNode(Node):
         Raises:
             OccError: a value was given that has another type or is out of range.
         """
+        if _described is not None:
+            _described.append((name, _shown(default), description, _range(low, high).strip()))
+            return default
         descriptor = ParameterDescriptor(description=description, read_only=read_only)
         if low is not None or high is not None:
             if isinstance(default, int):
@@ -225,25 +240,39 @@ class OccNode(Node):
             ) from error
         return [item for item in value if item] if isinstance(default, list) else value
 
-    def check_overrides(self, argv: Sequence[str]) -> None:
-        """Look for parameters that were given and that the node does not have: rclpy ignores them.
-
-        Call it when all have been declared.
-
-        Args:
-            argv: the command line that they came with.
+    def declared(self) -> None:
+        """Call it when all parameters are declared, before anything that has effects.
 
         Raises:
-            OccError: one was given to this node by name, or on its command line.
+            OccError: a parameter was given to this node by name, or on its command line, that it
+                does not have; rclpy would ignore it.
         """
-        ignored = [name for name in self._parameter_overrides if not self.has_parameter(name)]
+        if _described is not None:
+            raise _DescribedError
+        self._check_given(qos=False)
+
+    def check_qos(self) -> None:
+        """Refuse overrides of quality of service for topics that the node does not have.
+
+        Call it when the node is made.
+
+        Raises:
+            OccError: there is one.
+        """
+        self._check_given(qos=True)
+
+    def _check_given(self, *, qos: bool) -> None:
+        ignored = [
+            name
+            for name in self._parameter_overrides
+            if name.startswith(QOS_PREFIX) == qos and not self.has_parameter(name)
+        ]
         if self.subscribes_later:
-            later = re.compile(r'qos_overrides\..*\.subscription\.')
-            ignored = [name for name in ignored if not later.match(name)]
+            ignored = [name for name in ignored if not OF_SUBSCRIPTION.fullmatch(name)]
         check_unknown(
             ignored,
             list(self._parameters),
-            argv,
+            _arguments,
             self.get_fully_qualified_name(),
             self.get_logger().warning,
         )
@@ -300,15 +329,19 @@ def run_node(make_node: Callable[[], OccNode], argv: Sequence[str] | None = None
 
     Returns:
         0 after a clean end, Ctrl-C and SIGTERM included; the node's own code if it finished
-        with one; 2 after a mistake in its input, told in one sentence on stderr.
+        with one; 2 after a mistake in its input, told in one sentence on stderr. With ``--help``
+        among the arguments, the node's parameters are printed instead.
     """
+    if '--help' in (argv or ()):
+        _print_parameters(make_node)
+        return 0
     node: OccNode | None = None
     code = 1
     with stop_request.listening():
         try:
             _initialise(list(argv or []))
             node = make_node()
-            node.check_overrides(argv or [])
+            node.check_qos()
             node.begin()
             code = _spin(node)
         except (KeyboardInterrupt, ExternalShutdownException):
@@ -326,6 +359,33 @@ def run_node(make_node: Callable[[], OccNode], argv: Sequence[str] | None = None
         return code
 
 
+def _print_parameters(make_node: Callable[[], OccNode]) -> None:
+    described = _describe(make_node)
+    names, defaults = (max(len(item[column]) for item in described) for column in (0, 1))
+    for name, default, meaning, bounds in described:
+        note = f' ({bounds})' if bounds else ''
+        print(f'  {name:{names}}  {default:{defaults}}  {meaning}{note}')
+
+
+def _describe(make_node: Callable[[], OccNode]) -> list[tuple[str, str, str, str]]:
+    """Return the parameters of a node: name, default, meaning and range of each, in their order.
+
+    The node is made as far as it declares them, and where no other one sees it.
+    """
+    global _described
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'OFF'
+    described = _described = []
+    try:
+        _initialise([])
+        make_node()
+    except _DescribedError:
+        return described
+    finally:
+        _described = None
+        rclpy.try_shutdown()
+    raise AssertionError(f'{make_node} does not say when its parameters are declared')
+
+
 def tell(error: OccError | OSError) -> int:
     """Print a mistake as one sentence on stderr; return the exit code 2."""
     print(f'error: {error}', file=sys.stderr, flush=True)
@@ -333,6 +393,8 @@ def tell(error: OccError | OSError) -> int:
 
 
 def _initialise(argv: list[str]) -> None:
+    global _arguments
+    _arguments = argv
     for path in params_files(argv):
         read_text(path)
     allowed = 'allowed are ROS arguments such as -p NAME:=VALUE, -r FROM:=TO, --params-file FILE'
@@ -396,8 +458,15 @@ def _without_places(error: Exception) -> str:
 def _allowed(default: Any, low: float | None, high: float | None) -> str:
     kind = {bool: 'true or false', int: 'a whole number', float: 'a number'}
     text = kind.get(type(default), 'text' if isinstance(default, str) else 'a list of texts')
-    if low is not None:
-        text += f' from {low:g}'
-    if high is not None:
-        text += f' up to {high:g}'
-    return text
+    return text + _range(low, high)
+
+
+def _range(low: float | None, high: float | None) -> str:
+    return ('' if low is None else f' from {low:g}') + ('' if high is None else f' up to {high:g}')
+
+
+def _shown(default: Any) -> str:
+    """Return a default as it is written on a command line."""
+    if isinstance(default, bool):
+        return str(default).lower()
+    return "['']" if default == [] else repr(default)

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Mistakes in what a node is given: one sentence and exit code 2, before anything is written."""
 
+import resource
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +12,8 @@ from made_bags import write_drive
 from occ_constraints_pkg.bags.writer import BagWriter
 from occ_constraints_pkg.cli import main
 from occ_constraints_pkg.experiments.processes import environment
+
+import occ_constraints_pkg
 
 
 @pytest.fixture(scope='module')
@@ -48,6 +51,7 @@ def node(files, monkeypatch, capfd):
     return run
 
 
+SCRIPTS = Path(occ_constraints_pkg.__file__).parents[1] / 'scripts'
 QOS = 'qos_overrides./violation.publisher'
 MISTAKES = {
     'tree_learner': "parameter 'feature_map' of node 'tree_learner' is missing",
@@ -102,6 +106,9 @@ MISTAKES = {
     'recorder': "parameter 'output' of node 'recorder' is missing",
     'recorder -p output:=drive': 'drive exists already',
     'recorder -p output:=7': 'got 7; allowed is text',
+    'recorder -p output:=new -p topcs:=odom': "did you mean 'topics'?",
+    'constrained_learner -p output:=new -p seeds:=1': "did you mean 'seed'?",
+    'sim -p worlds:=simple_nav': "did you mean 'world'?",
     'recorder -p output:=new -p topics:=[1,2]': 'allowed is a list of texts',
     'recorder -p output:=new -p topics:=9lives': "'9lives' cannot name a topic",
     'recorder -p output:=new -p compression:=zip': "compression 'zip'",
@@ -140,6 +147,7 @@ def test_a_mistake_is_told_in_one_sentence(node, files, line):
     assert len(told) == 1, text
     assert told[0].startswith('error: ')
     assert MISTAKES[line] in told[0]
+    assert not (files / 'new').exists()
     after = {path: path.stat().st_mtime_ns for path in files.rglob('*') if path.is_file()}
     assert after == before
 
@@ -208,6 +216,25 @@ def test_surroundings_in_which_no_node_can_run_are_told_in_one_sentence(name, se
     assert done.stderr.count('\n') == 1
     assert done.stderr.startswith('error: ')
     assert ENVIRONMENTS[setting] in done.stderr
+
+
+@pytest.mark.parametrize('name', ['monitor', 'gate'])
+def test_too_little_memory_is_told_in_one_sentence(name):
+    def limit():
+        resource.setrlimit(resource.RLIMIT_AS, (300_000_000, 300_000_000))
+
+    done = subprocess.run(
+        [sys.executable, SCRIPTS / name],
+        env=environment(1),
+        preexec_fn=limit,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
+    assert (done.returncode, done.stdout) == (2, '')
+    assert done.stderr.count('\n') == 1
+    assert 'limited to 286 MiB; a node needs at least 640 MiB' in done.stderr
 
 
 def test_a_clock_that_jumps_beyond_what_ros_can_carry_is_told_in_one_sentence(nodes, tmp_path):

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import os
+import resource
 import subprocess
 import sys
 import time
@@ -20,16 +21,19 @@ _DEFAULT_RMW = 'rmw_fastrtps_cpp'
 _PROBE = 'import rclpy.impl.implementation_singleton'
 # Seconds of a stamp are 32 bits with a sign, in messages and in DDS.
 _END_OF_TIME = 2**31
+# With less address space the middleware's threads cannot start, which crashes the process.
+_LEAST_BYTES = 640 * 2**20
 
 
 def check_environment() -> None:
-    """Look at the variables of ROS and at the clock; rclpy is not imported in this process.
+    """Look at the variables of ROS, the clock and the memory; rclpy is not imported here.
 
     Raises:
         OccError: with these no node can run.
     """
     _check_domain(os.environ.get('ROS_DOMAIN_ID', ''))
     check_clock()
+    _check_memory(resource.getrlimit(resource.RLIMIT_AS)[0])
     _check_middleware(os.environ.get('RMW_IMPLEMENTATION', ''))
 
 
@@ -51,6 +55,14 @@ def check_clock() -> None:
         f"the system's clock shows {shown}, and ROS can publish nothing then; allowed are dates "
         'from 1970-01-01 to 2038-01-18'
     )
+
+
+def _check_memory(limit: int) -> None:
+    if limit != resource.RLIM_INFINITY and limit < _LEAST_BYTES:
+        raise OccError(
+            f'the address space of this process is limited to {limit // 2**20} MiB; a node needs '
+            f'at least {_LEAST_BYTES // 2**20} MiB, see `ulimit -v`'
+        )
 
 
 def _check_domain(text: str) -> None:

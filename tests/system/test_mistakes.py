@@ -265,7 +265,8 @@ MISSING = {
     'rclpy.experimental': 'allowed is rclpy from 7.1.4',
     'rclpy': "'rclpy', which is not installed: pip install 'occ_constraints_pkg[ros]'",
     'diagnostic_msgs': "pip install 'occ_constraints_pkg[ros]'",
-    'ruamel': "'ruamel', which is not installed: pip install 'occ_constraints_pkg', or activate",
+    'ruamel': 'source .venv/bin/activate), or pip install occ_constraints_pkg',
+    'mcap': 'source .venv/bin/activate), or pip install occ_constraints_pkg',
 }
 
 

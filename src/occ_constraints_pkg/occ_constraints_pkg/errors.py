@@ -33,21 +33,19 @@ def import_needed(what: str, module: str) -> Any:
         module: its full name.
 
     Raises:
-        OccError: something it imports is not installed; the sentence says what to install.
+        OccError: something it imports is not installed; the sentence names the extra with it.
     """
     try:
         return import_module(module)
     except ModuleNotFoundError as error:
         missing = (error.name or '').partition('.')[0]
         is_ros = missing.endswith(('_msgs', '_srvs', '_interfaces'))
-        if missing in ('', __name__.partition('.')[0]):
-            # A part of this package is missing, which a user cannot mend.
-            raise
         extra = _EXTRAS.get(missing, 'ros' if is_ros else '')
-        hint = ', or source the ROS 2 setup file' if extra == 'ros' else ''
         if not extra:
-            hint = ', or activate the virtual environment that has it (source .venv/bin/activate)'
+            # The installation is damaged or the code wrong, which a user cannot mend.
+            raise
+        hint = ', or source the ROS 2 setup file' if extra == 'ros' else ''
         raise OccError(
             f'{what} needs the module {missing!r}, which is not installed: '
-            f"pip install 'occ_constraints_pkg{f'[{extra}]' if extra else ''}'{hint}"
+            f"pip install 'occ_constraints_pkg[{extra}]'{hint}"
         ) from error

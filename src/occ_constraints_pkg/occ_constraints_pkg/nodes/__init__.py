@@ -58,4 +58,17 @@ def node_main(name: str) -> Callable[[list[str] | None], int]:
 
         hint = did_you_mean(name, NODES) or ';'
         raise OccError(f'there is no node {name!r}{hint} the nodes are {", ".join(NODES)}')
-    return import_needed(f'node {name!r}', f'{__name__}.{name}').main
+    what = f'node {name!r}'
+    try:
+        return import_needed(what, f'{__name__}.{name}').main
+    except ImportError as error:
+        package = __name__.partition('.')[0]
+        if (error.name or '').partition('.')[0] == package:
+            # A mistake of this package, which a user cannot mend.
+            raise
+        # Most likely it was started outside of the environment that it was installed into.
+        reason = str(error).strip().partition('\n')[0]
+        raise OccError(
+            f'{what} cannot be loaded: {reason}; allowed is an installation with all that it needs: '
+            f'activate its environment (source .venv/bin/activate), or pip install {package}'
+        ) from error

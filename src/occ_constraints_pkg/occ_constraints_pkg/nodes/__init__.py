@@ -69,6 +69,6 @@ def node_main(name: str) -> Callable[[list[str] | None], int]:
         # Most likely it was started outside of the environment that it was installed into.
         reason = str(error).strip().partition('\n')[0]
         raise OccError(
-            f'{what} cannot be loaded: {reason}; allowed is an installation with all that it needs: '
+            f'{what} cannot be loaded: {reason}; allowed is an installation with all it needs: '
             f'activate its environment (source .venv/bin/activate), or pip install {package}'
         ) from error

@@ -59,7 +59,7 @@ setup(
         'zstandard>=0.21',
     ],
     extras_require={
-        'ros': ['ros-jazzy-rclpy[fastrtps]', 'ros-jazzy-common-interfaces'],
+        'ros': ['ros-jazzy-rclpy[fastrtps]>=7.1.4', 'ros-jazzy-common-interfaces'],
         'train': ['torch>=2.3', 'mujoco>=3.3', 'gymnasium>=1.1', 'highway-env>=1.12'],
         'report': ['matplotlib>=3.8', 'jinja2>=3.1'],
         'dev': [
@@ -74,7 +74,7 @@ setup(
             'yamllint>=1.35',
         ],
     },
-    entry_points={'console_scripts': [f'occ = {NAME}.cli:main']},
+    entry_points={'console_scripts': [f'occ = {NAME}.__main__:main']},
     # The nodes are data files, not console scripts: `ros2 run` and `ros2 launch` look in
     # lib/<package>/, and names as general as `sim` or `monitor` must stay out of bin/.
     data_files=[

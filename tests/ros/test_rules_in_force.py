@@ -31,7 +31,10 @@ class Node:
     """A node that keeps what is published and logged."""
 
     def __init__(self):
-        self.told, self.logged = [], []
+        self.told, self.logged, self.seconds = [], [], 0.0
+
+    def steady_seconds(self):
+        return self.seconds
 
     def create_publisher(self, *_, **__):
         return SimpleNamespace(publish=lambda message: self.told.append(json.loads(message.data)))
@@ -115,3 +118,22 @@ def test_what_was_pruned_stays_so_when_edits_change(node, tmp_path):
     rules.check(RuleEdits(enabled=('OFF',)))
     rules.edit(RuleEdits(enabled=('OFF',)))
     assert node.enabled == ['HIGH', 'LOW', 'OFF']
+
+
+def test_counters_that_cannot_be_kept_are_told_now_and_then_and_stop_nothing(node, tmp_path):
+    (tmp_path / 'full').touch()
+    rules = RulesInForce(node)
+    rules.counts_file = tmp_path / 'full' / 'counts.json'
+    rules.use(rules.prepare(BOTH, 'file', strict=True))
+    node.logged.clear()
+    for node.seconds in range(150):
+        rules.keep()
+    assert len(node.logged) == 3
+    assert all('counters are not kept: cannot write' in line for line in node.logged)
+    rules.drop()
+    rules.use(rules.prepare(BOTH, 'file', strict=True))
+    (tmp_path / 'full').unlink()
+    node.logged.clear()
+    for node.seconds in range(150, 300):
+        rules.keep()
+    assert node.logged == [f'counters are kept again in {rules.counts_file}']

@@ -1,5 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
+import re
 import struct
 from dataclasses import replace
 from pathlib import Path
@@ -269,3 +270,42 @@ def test_another_rule_set_over_the_same_features():
     constraints = replace(example(), learner={'alpha': 0.5})
     assert constraints.with_rule_set(rule_set).rule_set is rule_set
     assert constraints.with_rule_set(rule_set).learner == {'alpha': 0.5}
+
+
+MAP = """\
+feature_map:
+  features:
+    - {name: speed, unit: m/s, topic: odom}
+    - {name: gap, unit: m, topic: scan, sectors: 4}
+    - {name: load, topic: odom}
+    - nonsense
+"""
+UNITS = """\
+schema_version: 1
+features:
+  - {name: speed, unit: m/s, demonstrated: [0, 1]}
+  - {name: gap_front_left, unit: m, demonstrated: [0, 1]}
+  - {name: load, unit: kg, demonstrated: [0, 1]}
+rules: []
+"""
+
+
+@pytest.mark.parametrize(
+    ('old', 'new', 'sentence'),
+    [
+        (
+            'unit: m/s',
+            'unit: km/h',
+            "text: features[0].unit: got 'km/h', but feature_map gives speed in 'm/s'",
+        ),
+        ('unit: m,', 'unit: mm,', "features[1].unit: got 'mm', but feature_map gives gap_front"),
+    ],
+)
+def test_a_unit_that_contradicts_the_feature_map_is_refused(old, new, sentence):
+    whole = parse_constraints(UNITS + MAP, 'text')
+    assert [feature.unit for feature in whole.rule_set.space.features] == ['m/s', 'm', 'kg']
+    with pytest.raises(OccError, match=re.escape(sentence)):
+        parse_constraints(UNITS.replace(old, new) + MAP, 'text')
+    # Nothing contradicts a unit that is said only once.
+    parse_constraints(UNITS.replace(old, new), 'text')
+    parse_constraints(UNITS.replace(f'{old.rstrip(",")}, ', '') + MAP, 'text')

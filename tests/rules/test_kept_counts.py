@@ -82,22 +82,67 @@ def test_counters_of_other_rules_are_not_taken(tmp_path):
         read_counts(path, other)
 
 
-@pytest.mark.parametrize(
-    'text', ['', '[]', '{"format": "x"}', 'null', '{"format": "occ_constraints counts 1"}']
-)
-def test_other_files_are_refused(tmp_path, text):
-    (tmp_path / 'file').write_text(text)
+DAMAGED = {
+    'empty': b'',
+    'another file': b'{"format": "x"}',
+    'a list': b'[]',
+    'null': b'null',
+    'cut short': b'{"format": "occ_constraints counts 1"}',
+    'deep': b'[' * 100_000,
+    'no text': b'\xff\xfe',
+    'a name that leads away': b'{"format": "occ_constraints counts 1", "rule_set": "/../../x"}',
+    'too large a number': b'{"format": "occ_constraints counts 1", "until_ns": '
+    + b'9' * 5000
+    + b'}',
+}
+
+
+@pytest.mark.parametrize('text', DAMAGED.values(), ids=DAMAGED)
+def test_another_file_is_kept_beside_and_counting_begins_anew(tmp_path, text):
+    path = tmp_path / 'file'
+    path.write_bytes(text)
     with pytest.raises(OccError, match='no file of rule counters'):
-        KeptCounts(RULES, tmp_path / 'file')
+        read_counts(path, RULES)
     with pytest.raises(OccError, match='no such file'):
         read_counts(tmp_path / 'nowhere', RULES)
+    (tmp_path / 'file.damaged').write_text('an earlier one')
+    counts = KeptCounts(RULES, path)
+    assert 'no file of rule counters' in counts.problem
+    assert not counts.resumed
+    # Nothing is moved before something is written in its place.
+    assert path.read_bytes() == text
+    counts.add_stamped(RULES.judge(BATCHES[0]), 1)
+    for _ in range(2):
+        counts.keep()
+        assert numbers(read_counts(path, RULES)) == numbers(counts)
+        counts.add_stamped(RULES.judge(BATCHES[1]), 2)
+    assert (tmp_path / 'file.damaged').read_text() == 'an earlier one'
+    assert (tmp_path / 'file.damaged.1').read_bytes() == text
+    assert len(list(tmp_path.iterdir())) == 3
 
 
-def test_damaged_counters_are_refused(tmp_path):
+@pytest.mark.parametrize('name', ['.', 'x' * 300, 'file/x', '/dev/zero'])
+def test_a_path_at_which_no_file_can_be_is_a_problem_of_the_counters_only(tmp_path, name):
+    (tmp_path / 'file').touch()
+    counts = KeptCounts(RULES, tmp_path / name)
+    assert counts.problem
+    counts.add_stamped(RULES.judge(BATCHES[0]), 1)
+    with pytest.raises(OccError, match='cannot write'):
+        counts.keep()
+
+
+def test_damaged_counters_count_nothing(tmp_path):
     path = tmp_path / 'counts.json'
-    KeptCounts(RULES, path).keep()
+    first = KeptCounts(RULES, path)
+    first.add_stamped(RULES.judge(BATCHES[0]), 1)
+    first.keep()
     whole = json.loads(path.read_text())
-    for change in ({'rules': {}}, {'until_ns': 'x'}, {'rules': {'a': {}, 'b': {}}}):
+    one = {'evaluated': 1, 'violated': 1}
+    changes = [{'rules': {}}, {'until_ns': 'x'}, {'rules': {'a': {}, 'b': {}}}]
+    for wrong in (-1, True, 1.5, '1', None, 2**70):
+        changes.append({'rules': {'a': one, 'b': {**one, 'violated': wrong}}})
+    for change in changes:
         path.write_text(json.dumps(whole | change))
         with pytest.raises(OccError, match='no file of rule counters'):
-            KeptCounts(RULES, path)
+            read_counts(path, RULES)
+        assert numbers(KeptCounts(RULES, path)) == ([0, 0], [0, 0])

@@ -13,6 +13,8 @@ import pytest
 from occ_constraints_pkg.experiments.processes import environment
 from occ_constraints_pkg.nodes import NODES
 
+import occ_constraints_pkg
+
 ENDINGS = [signal.SIGINT, signal.SIGTERM]
 
 
@@ -45,22 +47,41 @@ def test_all_nodes_end_cleanly_while_they_wait_for_peers(
     assert (nodes.folder / 'bag' / 'metadata.yaml').is_file()
 
 
+SCRIPTS = Path(occ_constraints_pkg.__file__).parents[1] / 'scripts'
+
+
 @pytest.mark.skipif(not Path('/proc/self/status').exists(), reason='needs /proc')
 @pytest.mark.parametrize('number', ENDINGS)
-def test_a_node_ends_cleanly_while_it_is_still_being_imported(nodes, number):
-    process = nodes.start('constrained_learner', output=nodes.folder / 'training')
+@pytest.mark.parametrize('program', [['-m', 'occ_constraints_pkg', 'node', 'monitor'], ['script']])
+def test_a_node_ends_at_once_and_in_silence_while_it_is_still_being_imported(program, number):
+    arguments = program if program != ['script'] else [str(SCRIPTS / 'monitor')]
+    process = subprocess.Popen(
+        [sys.executable, *arguments],
+        env=environment(1),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
     caught = 1 << (signal.SIGTERM - 1)
-    status = Path(f'/proc/{process.pid}/status')
+    folder = Path(f'/proc/{process.pid}')
 
     def mask():
-        return int(status.read_text().partition('SigCgt:')[2].split()[0], 16)
+        return int((folder / 'status').read_text().partition('SigCgt:')[2].split()[0], 16)
 
-    while process.is_running and not mask() & caught:
-        time.sleep(0.002)
-    nodes.stop(number=number)
-    assert not (nodes.folder / 'training').exists() or not list(
-        (nodes.folder / 'training').iterdir()
-    )
+    try:
+        while process.poll() is None and not mask() & caught:
+            time.sleep(0.001)
+        process.send_signal(signal.SIGSTOP)
+        loaded = (folder / 'maps').read_text()
+        process.send_signal(number)
+        process.send_signal(signal.SIGCONT)
+        output, _ = process.communicate(timeout=2.0)
+    finally:
+        process.kill()
+    assert (process.returncode, output) == (0, '')
+    # It listens before it loads what takes long.
+    assert 'numpy' not in loaded
+    assert 'rclpy' not in loaded
 
 
 def test_ctrl_c_in_a_terminal_ends_a_whole_group(nodes, witness):

@@ -32,15 +32,20 @@ class StopRequest:
         self.made = False
         self._is_listening = False
         self._interrupts = False
+        self._ending: tuple[int, str] | None = None
 
     @contextmanager
     def listening(self) -> Iterator[None]:
-        """Take the signals over for the block; blocks within do nothing more.
+        """Take the signals over for the block, in which a request is only noted.
 
         Only the main thread may enter it.
         """
         if self._is_listening:
-            yield
+            before, self._ending = self._ending, None
+            try:
+                yield
+            finally:
+                self._ending = before
             return
         self.made, self._is_listening = False, True
         # A program started under nohup is meant to outlive its terminal.
@@ -68,8 +73,38 @@ class StopRequest:
         finally:
             self._interrupts = False
 
+    @contextmanager
+    def ending_at_once(self, code: int, words: str = '') -> Iterator[None]:
+        """Within the block a request ends the process on the spot, without a word of Python's.
+
+        It is for imports: they take seconds, have nothing to lose, and an exception among them
+        may come out as another one. Signals are listened to as in :meth:`listening`, and a block
+        of that within this one takes over.
+
+        Args:
+            code: the exit code.
+            words: a line for stderr; none: nothing is said.
+        """
+        with self.listening():
+            before, self._ending = self._ending, (code, words)
+            try:
+                if self.made:
+                    self._end()
+                yield
+            finally:
+                self._ending = before
+
+    def _end(self) -> None:
+        code, words = self._ending
+        if words:
+            # Unbuffered, for the buffer may be in use where the signal came.
+            os.write(2, f'{words}\n'.encode())
+        os._exit(code)
+
     def _on_signal(self, _number: int, _frame: object) -> None:
         self.made = True
+        if self._ending is not None:
+            self._end()
         if self._interrupts:
             raise KeyboardInterrupt
 

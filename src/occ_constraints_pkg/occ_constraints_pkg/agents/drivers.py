@@ -10,12 +10,27 @@ import numpy as np
 
 from occ_constraints_pkg.agents.policy import GaussianPolicy
 from occ_constraints_pkg.agents.scripted import DRIVERS, Driver, make_driver
+from occ_constraints_pkg.documents import did_you_mean
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.worlds.base import World
 
 _EXPERTS = resources.files(__package__).joinpath('experts')
 # Worlds that differ from another one in nothing but their scenarios share its expert.
 _EXPERT_OF = {'highway_restricted': 'highway'}
+
+
+def check_name(name: str) -> None:
+    """Do nothing if a policy file, or a driver of some world, can be called so.
+
+    Raises:
+        OccError: no driver of any world has that name.
+    """
+    names = sorted({'expert'}.union(*DRIVERS.values()))
+    if not name.endswith('.npz') and name not in names:
+        raise OccError(
+            f'there is no driver {name!r}{did_you_mean(name, names) or ";"} allowed are '
+            f'{", ".join(names)}, as far as the world has them, and a policy file (.npz)'
+        )
 
 
 def find_driver(

@@ -11,11 +11,11 @@ from typing import Any
 import click
 
 
-@click.command(context_settings={'ignore_unknown_options': True, 'allow_extra_args': True})
+@click.command(context_settings={'ignore_unknown_options': True, 'allow_interspersed_args': False})
 @click.argument('name')
 @click.argument('arguments', nargs=-1, type=click.UNPROCESSED)
 def node(name: str, arguments: tuple[str, ...]) -> int:
-    """Run a ROS 2 node; what follows its name are ROS arguments.
+    """Run a ROS 2 node; what follows its name are ROS arguments, or --help for its parameters.
 
     The nodes are sim, policy, recorder, player, tree_learner, monitor, gate and
     constrained_learner.

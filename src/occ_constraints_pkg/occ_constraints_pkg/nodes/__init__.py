@@ -8,6 +8,8 @@ import sys
 from collections.abc import Callable
 
 from occ_constraints_pkg.errors import OccError, import_needed
+from occ_constraints_pkg.nodes.help import asks_for_help, print_help
+from occ_constraints_pkg.ros.environment import check_environment
 from occ_constraints_pkg.stopping import stop_request
 
 NODES = (
@@ -27,15 +29,18 @@ def run(name: str, argv: list[str] | None = None) -> int:
 
     Args:
         name: one of :data:`NODES`.
-        argv: arguments for ROS, ``--ros-args`` included.
+        argv: arguments for ROS, ``--ros-args`` included; with ``--help`` among them the node is
+            only described.
 
     Returns:
         0 after a clean end, Ctrl-C and SIGTERM included; 2 after a mistake in the input.
     """
-    # From here on, for the imports alone take seconds.
     with stop_request.listening():
         try:
-            return node_main(name)(argv)
+            with stop_request.ending_at_once(0):
+                check_environment()
+                main = node_main(name)
+            return print_help(name, main) if asks_for_help(argv or ()) else main(argv)
         except OccError as error:
             print(f'error: {error}', file=sys.stderr)
             return 2
@@ -53,4 +58,17 @@ def node_main(name: str) -> Callable[[list[str] | None], int]:
 
         hint = did_you_mean(name, NODES) or ';'
         raise OccError(f'there is no node {name!r}{hint} the nodes are {", ".join(NODES)}')
-    return import_needed(f'node {name!r}', f'{__name__}.{name}').main
+    what = f'node {name!r}'
+    try:
+        return import_needed(what, f'{__name__}.{name}').main
+    except ImportError as error:
+        package = __name__.partition('.')[0]
+        if (error.name or '').partition('.')[0] == package:
+            # A mistake of this package, which a user cannot mend.
+            raise
+        # Most likely it was started outside of the environment that it was installed into.
+        reason = str(error).strip().partition('\n')[0]
+        raise OccError(
+            f'{what} cannot be loaded: {reason}; allowed is an installation with all it needs: '
+            f'activate its environment (source .venv/bin/activate), or pip install {package}'
+        ) from error

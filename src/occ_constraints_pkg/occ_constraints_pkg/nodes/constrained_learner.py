@@ -56,6 +56,7 @@ class ConstrainedLearner(OccNode):
             decay_steps=self._total,
             device=self.parameter('device', defaults.device, 'torch device, cpu or cuda'),
         )
+        self.declared()
         # Refused now, not when the first observation comes, as far as one robot shows it.
         torch_device(self._config.device)
         self._config.check_steps('total_steps', self._total, 1)
@@ -92,6 +93,7 @@ class ConstrainedLearner(OccNode):
             subscribe_to_tables(self, *item).topic_name for item in topics.items()
         )
         self.steady_timer(_LOOK_SECONDS, self._watch)
+        self.get_logger().info(f'waiting for {self._observation} and {self._costs}')
 
     def _on_observation(self, message: TableMessage) -> None:
         # While the monitor judges, the action is chosen: it does not depend on the cost.

@@ -67,6 +67,7 @@ class Gate(OccNode):
                 ),
             )
         )
+        self.declared()
         self._kind = TwistStamped if stamped else Twist
         self._commanded = self.steady_seconds()
         self._frame = ''

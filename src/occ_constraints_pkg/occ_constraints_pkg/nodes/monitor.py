@@ -48,9 +48,12 @@ _EDITS = ('disabled_rules', 'enabled_rules', 'moved_bounds')
 class Monitor(ManagedNode):
     """Publishes cost, verdict and margin for every row of features."""
 
+    subscribes_later = True
+
     def __init__(self) -> None:
         super().__init__('monitor')
         self._declare()
+        self.declared()
         # The newest text on the topic constraints, and that of the rules in force.
         self._offered = self._received = ''
         self._rules = RulesInForce(self)
@@ -127,6 +130,8 @@ class Monitor(ManagedNode):
     def activate(self) -> None:
         """Begin to judge."""
         self._judging.start()
+        if self._rules.rule_set is None:
+            self.get_logger().info(f'waiting for rules on {self.full_name("constraints")}')
 
     def deactivate(self) -> None:
         """Say UNKNOWN once more, and then nothing."""

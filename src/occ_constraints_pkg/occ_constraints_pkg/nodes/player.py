@@ -47,6 +47,7 @@ class Player(OccNode):
         self._wanted = self.parameter(
             'wait_for_subscribers', 0, 'subscriptions over all topics before the start', low=0
         )
+        self.declared()
         if not bag:
             raise OccError("parameter 'bag' of node 'player' is missing; give a recording")
         recording = Recording(bag)
@@ -67,6 +68,7 @@ class Player(OccNode):
             self.create_service(Trigger, f'~/{name}', answer)
         self._looks = 0
         self._timer = self.steady_timer(_LOOK_SECONDS, self._begin)
+        self.get_logger().info(f'{len(self._publishers_of)} topics of {bag}{self._waits_for()}')
 
     def _advertise(self, recording: Recording, topics: list[str]) -> dict[str, Publisher]:
         """Return a publisher for each topic whose type is installed; warn of the others."""
@@ -97,6 +99,15 @@ class Player(OccNode):
                 f'installed; its topics are {", ".join(recording.topics)}'
             )
         return publishers
+
+    def _waits_for(self) -> str:
+        """Say what has to happen before anything is played."""
+        waits = []
+        if self._wanted:
+            waits.append(f'{self._wanted} subscription{"s" if self._wanted > 1 else ""}')
+        if self._starts_paused:
+            waits.append(f'a call of {self.get_fully_qualified_name()}/resume')
+        return f', waiting for {" and ".join(waits)}' if waits else ''
 
     def _begin(self) -> None:
         subscribers = sum(

@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 from sensor_msgs.msg import PointCloud2
 
-from occ_constraints_pkg.agents.drivers import find_driver
+from occ_constraints_pkg.agents.drivers import check_name, find_driver
 from occ_constraints_pkg.agents.policy import GaussianPolicy
 from occ_constraints_pkg.agents.scripted import Driver
 from occ_constraints_pkg.bags.serialized_tables import TableMessage
@@ -36,8 +36,10 @@ class Policy(OccNode):
         wait = self.parameter(
             'wait_for_costs', False, 'act only when costs of the same stamp are there as well'
         )
+        self.declared()
         self._rng = np.random.default_rng(seed)
-        # A policy file is read now, so that a mistake shows before the first observation.
+        # A mistake is to show before the first observation, as far as the world plays no part.
+        check_name(self._name)
         if self._name.endswith('.npz'):
             GaussianPolicy.load(self._name)
         self._driver: Driver | None = None
@@ -50,8 +52,8 @@ class Policy(OccNode):
         topics = {'observation': self._on_observation}
         if self._pairing is not None:
             topics['costs'] = self._pairing.on_second
-        for topic, callback in topics.items():
-            subscribe_to_tables(self, topic, callback)
+        names = [subscribe_to_tables(self, *item).topic_name for item in topics.items()]
+        self.get_logger().info(f'policy {self._name!r}, waiting for {" and ".join(names)}')
 
     def _on_observation(self, message: TableMessage) -> None:
         if self._pairing is not None:

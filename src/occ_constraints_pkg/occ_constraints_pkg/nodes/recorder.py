@@ -52,6 +52,7 @@ class Recorder(OccNode):
         max_seconds = self.parameter(
             'max_bag_duration', 0.0, 'seconds after which a new file is begun; 0: never', low=0.0
         )
+        self.declared()
         if not output:
             raise OccError(
                 "parameter 'output' of node 'recorder' is missing; "

@@ -61,6 +61,7 @@ class Sim(OccNode):
         self._velocity_timeout = self.parameter(
             'cmd_vel_timeout', 0.5, 'seconds without cmd_vel until the robot stops', low=0.01
         )
+        self.declared()
 
         self._world = make_world(name, robots, processes=processes)
         self._stream = EpisodeStream(self._world, seed=seed)

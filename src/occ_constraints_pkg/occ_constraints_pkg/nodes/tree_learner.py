@@ -32,6 +32,8 @@ _CLOCK_SECONDS = 1.0
 class TreeLearner(OccNode):
     """Learns at the start when recordings are given, else collects until ``~/learn`` is called."""
 
+    subscribes_later = True
+
     def __init__(self) -> None:
         super().__init__('tree_learner')
         bags = self.parameter('bags', [], 'recordings; none: collect from live topics')
@@ -72,6 +74,7 @@ class TreeLearner(OccNode):
         calibrate_on = self.parameter(
             'calibrate_on', [], 'recordings of safe episodes for that; none: held-out episodes'
         )
+        self.declared()
         if calibrate_on and not bags:
             raise OccError(
                 "parameter 'calibrate_on' of node 'tree_learner' goes with 'bags' only; allowed "
@@ -109,6 +112,10 @@ class TreeLearner(OccNode):
                 self.finish()
         else:
             self._topics = MappedTopics(self, self._map, self._on_input)
+            self.get_logger().info(
+                f'collecting samples from {", ".join(map(self.full_name, self._map.topics))} until '
+                f'{self.get_fully_qualified_name()}/learn is called'
+            )
 
     def _on_input(self, topic: str, message: Any) -> None:
         now = self._arrival.now_ns()

@@ -141,6 +141,19 @@ def status(
     )
 
 
+def why_unknown(rule_set: RuleSet, sample: np.ndarray) -> str:
+    """Say which features of one sample (k,) cannot be judged, and why."""
+    space = rule_set.space
+    reasons = []
+    for feature, value in zip(space.features, sample, strict=True):
+        if np.isnan(value):
+            reasons.append(f'{feature.name} is missing, stale or not a number')
+        elif not np.isfinite(value) or not feature.low <= value <= feature.high:
+            bounds = f'[{feature.low:g}, {feature.high:g}]'
+            reasons.append(f'{feature.name} = {value:g} is outside its physical bounds {bounds}')
+    return '; '.join(reasons)
+
+
 def _robot_statuses(
     rule_set: RuleSet,
     sample: np.ndarray,
@@ -152,7 +165,7 @@ def _robot_statuses(
     summary = _summary(robot, verdict, float(judgement.margin[robot]), rule_set)
     summary |= more or {}
     if verdict is Verdict.UNKNOWN:
-        text = f'UNKNOWN: {summary.get("reason") or _why_unknown(rule_set, sample)}'
+        text = f'UNKNOWN: {summary.get("reason") or why_unknown(rule_set, sample)}'
         return [status(_VERDICT_NAME, _LEVELS[verdict], text, summary, robot)]
     if verdict is Verdict.SAFE:
         words = summary.get('warning', '')
@@ -183,18 +196,6 @@ def _summary(
 ) -> dict[str, object]:
     summary = {'robot': robot, 'verdict': verdict.name, 'margin': margin}
     return summary if rule_set is None else {**summary, 'rule_set': rule_set.fingerprint}
-
-
-def _why_unknown(rule_set: RuleSet, sample: np.ndarray) -> str:
-    space = rule_set.space
-    reasons = []
-    for feature, value in zip(space.features, sample, strict=True):
-        if np.isnan(value):
-            reasons.append(f'{feature.name} is missing, stale or not a number')
-        elif not np.isfinite(value) or not feature.low <= value <= feature.high:
-            bounds = f'[{feature.low:g}, {feature.high:g}]'
-            reasons.append(f'{feature.name} = {value:g} is outside its physical bounds {bounds}')
-    return '; '.join(reasons)
 
 
 def _text(value: object) -> str:

@@ -65,6 +65,12 @@ class ManagedNode(LifecycleNodeMixin, OccNode):
             OSError: likewise.
         """
         if not self._autostart:
+            name = self.get_fully_qualified_name()
+            self.get_logger().info(
+                f'unconfigured, as autostart is false: waiting for the transitions configure and '
+                f'activate on {name}/change_state, as of a lifecycle manager or of `ros2 lifecycle '
+                f'set {name} configure` and `... activate`'
+            )
             return
         self._is_starting = True
         for trigger in (self.trigger_configure, self.trigger_activate):
@@ -133,28 +139,28 @@ class ManagedNode(LifecycleNodeMixin, OccNode):
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Run :meth:`configure` for rclpy."""
-        return self._run(self.configure, undo=self.cleanup)
+        return self._run(self.configure, 'inactive', undo=self.cleanup)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Run :meth:`activate` for rclpy."""
-        return self._run(self.activate)
+        return self._run(self.activate, 'active')
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Run :meth:`deactivate` for rclpy."""
-        return self._run(self.deactivate)
+        return self._run(self.deactivate, 'inactive')
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Run :meth:`cleanup` for rclpy."""
-        return self._run(self.cleanup)
+        return self._run(self.cleanup, 'unconfigured')
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Deactivate if active, and clean up."""
         if state.state_id == State.PRIMARY_STATE_ACTIVE:
-            self._run(self.deactivate)
-        return self._run(self.cleanup)
+            self._run(self.deactivate, 'inactive')
+        return self._run(self.cleanup, 'finalized')
 
     def _run(
-        self, step: Callable[[], None], *, undo: Callable[[], None] | None = None
+        self, step: Callable[[], None], state: str, *, undo: Callable[[], None] | None = None
     ) -> TransitionCallbackReturn:
         self._mistake = None
         try:
@@ -171,4 +177,6 @@ class ManagedNode(LifecycleNodeMixin, OccNode):
             # rclpy would swallow it.
             self.get_logger().fatal(traceback.format_exc())
             raise
+        if not self._is_starting:
+            self.get_logger().info(f'the node is {state} now')
         return TransitionCallbackReturn.SUCCESS

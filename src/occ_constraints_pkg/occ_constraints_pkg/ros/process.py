@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 import time
@@ -22,7 +23,7 @@ from rclpy.exceptions import (
     NameValidationException,
 )
 from rclpy.executors import ExternalShutdownException
-from rclpy.experimental import EventsExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
@@ -32,24 +33,52 @@ from rclpy.timer import Timer
 from rclpy.utilities import remove_ros_args
 from rclpy.validate_topic_name import validate_topic_name
 
-from occ_constraints_pkg.documents import did_you_mean
+from occ_constraints_pkg.documents import read_text
 from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.ros.environment import check_clock
+from occ_constraints_pkg.ros.overrides import (
+    OF_SUBSCRIPTION,
+    QOS_PREFIX,
+    ROS_SWITCHES,
+    check_qos_overrides,
+    check_unknown,
+    params_files,
+)
 from occ_constraints_pkg.stopping import parent_is_gone, stop_request
+
+try:
+    from rclpy.experimental import EventsExecutor
+except ImportError as error:
+    raise OccError(
+        'the installed rclpy has no events executor; allowed is rclpy from 7.1.4: sudo apt install '
+        "--only-upgrade ros-jazzy-rclpy, or pip install -U 'occ_constraints_pkg[ros]'"
+    ) from error
 
 # How often a quiet process looks whether it was asked to end. The executor needs a finite limit
 # in any case: with some C++ libraries an unlimited wait overflows and spins at full load.
 _LOOK_SECONDS = 0.2
+# How often a node looks whether another one has its name.
+_NAMESAKE_SECONDS = 2.0
 # How long the last messages may take to reach subscribers that are there.
 _LEAVE_SECONDS = 1.0
 # Periods that would mean never, for a clock in ns ends after 292 years: this is 30.
 _LONGEST_SECONDS = 1e9
+# What rclpy raises when the layers below refuse something; it has no public name.
+_RCLError = rclpy_implementation.RCLError
+
 # So large a number of seconds is still finite in ns.
 _LARGEST = 1e290
 
-# Parameters that rclpy declares by itself.
-_NOT_OURS = ('qos_overrides.', 'start_type_description_service', 'use_sim_time')
+# What the present node was started with; rclpy keeps it where it cannot be read.
+_arguments: list[str] = []
+# What a node that is only described has declared so far; None for one that is to run.
+_described: list[tuple[str, str, str, str]] | None = None
 
 _Value = TypeVar('_Value', bool, int, float, str, list)
+
+
+class _DescribedError(Exception):
+    """All parameters of a node that is only described are declared."""
 
 
 class OccNode(Node):
@@ -62,14 +91,33 @@ class OccNode(Node):
         done: set when the process should end; its result is the exit code.
         takes_the_rest: whether messages that have come when the process is asked to end are still
             handed to their callbacks.
+        subscribes_later: whether it subscribes to topics that it learns of while it runs.
+
+    Raises:
+        OccError: a parameter of ROS's own, such as ``use_sim_time``, has a wrong value.
     """
 
     takes_the_rest = False
+    subscribes_later = False
 
     def __init__(self, name: str, **kwargs: Any) -> None:
         self.done: Future = Future()
-        super().__init__(name, **kwargs)
+        try:
+            super().__init__(name, **kwargs)
+        except InvalidParameterTypeException as error:
+            wrong = next(
+                item
+                for item in self._parameter_overrides.values()
+                if item.name in ROS_SWITCHES and item.type_ != Parameter.Type.BOOL
+            )
+            raise OccError(
+                f'parameter {wrong.name!r} of node {name!r}: got {wrong.value!r}; allowed is true '
+                'or false'
+            ) from error
+        check_qos_overrides(self._parameter_overrides.values())
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._has_namesake = False
+        self.steady_timer(_NAMESAKE_SECONDS, self._look_for_namesakes)
 
     def finish(self, exit_code: int = 0) -> None:
         """End the process after the present callback."""
@@ -163,6 +211,9 @@ class OccNode(Node):
         Raises:
             OccError: a value was given that has another type or is out of range.
         """
+        if _described is not None:
+            _described.append((name, _shown(default), description, _range(low, high).strip()))
+            return default
         descriptor = ParameterDescriptor(description=description, read_only=read_only)
         if low is not None or high is not None:
             if isinstance(default, int):
@@ -191,25 +242,59 @@ class OccNode(Node):
             ) from error
         return [item for item in value if item] if isinstance(default, list) else value
 
-    def warn_of_unknown_parameters(self) -> None:
-        """Warn of parameters that were given and that the node does not have: rclpy says nothing.
+    def declared(self) -> None:
+        """Call it when all parameters are declared, before anything that has effects.
 
-        Call it when all have been declared.
+        Raises:
+            OccError: a parameter was given to this node by name, or on its command line, that it
+                does not have; rclpy would ignore it.
         """
-        known = [name for name in self._parameters if not name.startswith(_NOT_OURS)]
-        for name in self._parameter_overrides:
-            # Those of QoS belong to subscriptions, which may come later.
-            if not (self.has_parameter(name) or name.startswith('qos_overrides.')):
-                hint = did_you_mean(name, known) or ';'
-                self.get_logger().warning(
-                    f'parameter {name!r} is ignored: this node has no such parameter{hint} '
-                    f'it has {", ".join(known)}'
-                )
+        if _described is not None:
+            raise _DescribedError
+        self._check_given(qos=False)
+
+    def check_qos(self) -> None:
+        """Refuse overrides of quality of service for topics that the node does not have.
+
+        Call it when the node is made.
+
+        Raises:
+            OccError: there is one.
+        """
+        self._check_given(qos=True)
+
+    def _check_given(self, *, qos: bool) -> None:
+        ignored = [
+            name
+            for name in self._parameter_overrides
+            if name.startswith(QOS_PREFIX) == qos and not self.has_parameter(name)
+        ]
+        if self.subscribes_later:
+            ignored = [name for name in ignored if not OF_SUBSCRIPTION.fullmatch(name)]
+        check_unknown(
+            ignored,
+            list(self._parameters),
+            _arguments,
+            self.get_fully_qualified_name(),
+            self.get_logger().warning,
+        )
 
     def fail(self, error: OccError | OSError) -> None:
         """End the process with exit code 2 and one sentence."""
         tell(error)
         self.finish(2)
+
+    def _look_for_namesakes(self) -> None:
+        """Warn of another node with the same full name: each would answer for the other."""
+        full = self.get_fully_qualified_name()
+        nodes = self.get_node_names_and_namespaces()
+        count = sum(f'{space.rstrip("/")}/{name}' == full for name, space in nodes)
+        if count > 1 and not self._has_namesake:
+            self.get_logger().warning(
+                f'{count} nodes are called {full}; allowed is one, so end the others, or rename '
+                'this one with -r __node:=NAME (one that was killed is listed for some 20 s yet)'
+            )
+        self._has_namesake = count > 1
 
     def _adapt_override(self, name: str, default: Any) -> None:
         override = self._parameter_overrides.get(name)
@@ -234,6 +319,8 @@ class OccNode(Node):
                 return callback(*args)
             except (OccError, OSError) as error:
                 self.fail(error)
+            except _RCLError as error:
+                self.fail(_refusal(error))
 
         return call
 
@@ -247,15 +334,19 @@ def run_node(make_node: Callable[[], OccNode], argv: Sequence[str] | None = None
 
     Returns:
         0 after a clean end, Ctrl-C and SIGTERM included; the node's own code if it finished
-        with one; 2 after a mistake in its input, told in one sentence on stderr.
+        with one; 2 after a mistake in its input, told in one sentence on stderr. With ``--help``
+        among the arguments, the node's parameters are printed instead.
     """
+    if '--help' in (argv or ()):
+        _print_parameters(make_node)
+        return 0
     node: OccNode | None = None
     code = 1
     with stop_request.listening():
         try:
             _initialise(list(argv or []))
             node = make_node()
-            node.warn_of_unknown_parameters()
+            node.check_qos()
             node.begin()
             code = _spin(node)
         except (KeyboardInterrupt, ExternalShutdownException):
@@ -264,11 +355,40 @@ def run_node(make_node: Callable[[], OccNode], argv: Sequence[str] | None = None
             code = tell(error)
         except NameValidationException as error:
             code = tell(OccError(f'cannot start: {_one_line(error)}'))
+        except _RCLError as error:
+            code = tell(_refusal(error))
         finally:
             if node is not None:
                 code = _close(node) or code
             rclpy.try_shutdown()
         return code
+
+
+def _print_parameters(make_node: Callable[[], OccNode]) -> None:
+    described = _describe(make_node)
+    names, defaults = (max(len(item[column]) for item in described) for column in (0, 1))
+    for name, default, meaning, bounds in described:
+        note = f' ({bounds})' if bounds else ''
+        print(f'  {name:{names}}  {default:{defaults}}  {meaning}{note}')
+
+
+def _describe(make_node: Callable[[], OccNode]) -> list[tuple[str, str, str, str]]:
+    """Return the parameters of a node: name, default, meaning and range of each, in their order.
+
+    The node is made as far as it declares them, and where no other one sees it.
+    """
+    global _described
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'OFF'
+    described = _described = []
+    try:
+        _initialise([])
+        make_node()
+    except _DescribedError:
+        return described
+    finally:
+        _described = None
+        rclpy.try_shutdown()
+    raise AssertionError(f'{make_node} does not say when its parameters are declared')
 
 
 def tell(error: OccError | OSError) -> int:
@@ -278,14 +398,17 @@ def tell(error: OccError | OSError) -> int:
 
 
 def _initialise(argv: list[str]) -> None:
+    global _arguments
+    _arguments = argv
+    for path in params_files(argv):
+        read_text(path)
     allowed = 'allowed are ROS arguments such as -p NAME:=VALUE, -r FROM:=TO, --params-file FILE'
     try:
         rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
         other = remove_ros_args(argv)
     # rclpy has no public type for a malformed command line.
     except Exception as error:
-        # Without the places in the source of rcl.
-        reason = re.sub(r', at \S+:\d+', '', _one_line(error))
+        reason = _without_places(error)
         raise OccError(f'the arguments are not understood: {reason}; {allowed}') from error
     if other:
         raise OccError(f'unknown argument {other[0]!r}; {allowed}, after --ros-args')
@@ -311,20 +434,44 @@ def _close(node: OccNode) -> int:
         node.close()
     except (OccError, OSError) as error:
         return tell(error)
+    except _RCLError as error:
+        # What ended the node has mostly been told by now, and this is a consequence of it.
+        return 2 if node.done.done() else tell(_refusal(error))
     finally:
         node.destroy_node()
     return 0
+
+
+def _refusal(error: Exception) -> OccError:
+    """Return in one sentence why the layers below rclpy refuse something."""
+    try:
+        check_clock()
+    except OccError as reason:
+        return reason
+    return OccError(f'ROS refuses: {_without_places(error)}')
 
 
 def _one_line(error: Exception) -> str:
     return ' '.join(str(error).split())
 
 
+def _without_places(error: Exception) -> str:
+    """Return an error of rcl without the places in its source."""
+    return re.sub(r', at \S+:\d+', '', _one_line(error))
+
+
 def _allowed(default: Any, low: float | None, high: float | None) -> str:
     kind = {bool: 'true or false', int: 'a whole number', float: 'a number'}
     text = kind.get(type(default), 'text' if isinstance(default, str) else 'a list of texts')
-    if low is not None:
-        text += f' from {low:g}'
-    if high is not None:
-        text += f' up to {high:g}'
-    return text
+    return text + _range(low, high)
+
+
+def _range(low: float | None, high: float | None) -> str:
+    return ('' if low is None else f' from {low:g}') + ('' if high is None else f' up to {high:g}')
+
+
+def _shown(default: Any) -> str:
+    """Return a default as it is written on a command line."""
+    if isinstance(default, bool):
+        return str(default).lower()
+    return "['']" if default == [] else repr(default)

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import dataclass, replace
 
 from std_msgs.msg import String
@@ -18,6 +19,9 @@ from occ_constraints_pkg.rules.constraints_file import Constraints, save_derived
 from occ_constraints_pkg.rules.edits import RuleEdits
 from occ_constraints_pkg.rules.kept_counts import KeptCounts
 from occ_constraints_pkg.rules.listing import rules_document
+
+# How long a disk that stays full is not spoken of again.
+_SILENT_SECONDS = 60.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +62,8 @@ class RulesInForce:
         self._node = node
         self._now: PreparedRules | None = None
         self.counts_file = ''
+        # Whether people were told that counters are not kept, and when they may be told again.
+        self._is_told, self._silent_until = False, -math.inf
         self.edits = RuleEdits()
         self._topic = node.create_publisher(
             String, 'rules', LATCHED, qos_overriding_options=overridable()
@@ -90,7 +96,7 @@ class RulesInForce:
             pruned: ids of rules that stay disabled.
 
         Raises:
-            OccError: the rules cannot be edited so, or the file of counters cannot be read.
+            OccError: the rules cannot be edited so.
         """
         edits = self.edits if strict else self.edits.within(constraints.rule_set)
         left_out = edits != self.edits
@@ -109,6 +115,10 @@ class RulesInForce:
             f'{rule_set.fingerprint}'
             + (f'; counters go on from {self.counts_file}' if rules.counts.resumed else '')
         )
+        if rules.counts.problem:
+            log.warning(
+                f'{rules.counts.problem}; counters begin at 0, and that file is kept beside'
+            )
         if rules.left_out:
             log.warning(f'some of the edits by parameter speak of no rule of {rules.where}')
         if not len(rule_set.order):
@@ -169,13 +179,24 @@ class RulesInForce:
         return words
 
     def keep(self) -> None:
-        """Write the file of counters.
+        """Write the file of counters; where that fails, say so and go on without.
 
-        Raises:
-            OccError: it cannot be written.
+        Counters are a statistic, for which no robot is to stop.
         """
-        if self.counts is not None:
+        if self.counts is None:
+            return
+        log = self._node.get_logger()
+        try:
             self.counts.keep()
+        except OccError as error:
+            now = self._node.steady_seconds()
+            if now >= self._silent_until:
+                log.warning(f'counters are not kept: {error}')
+                self._silent_until, self._is_told = now + _SILENT_SECONDS, True
+        else:
+            if self._is_told:
+                log.info(f'counters are kept again in {self.counts_file}')
+            self._is_told = False
 
     def drop(self) -> None:
         """Have no rules any more, once the counters are kept."""

@@ -25,11 +25,14 @@ from occ_constraints_pkg.ros.live_features import LiveFeatures
 from occ_constraints_pkg.ros.markers import sector_markers, verdict_markers
 from occ_constraints_pkg.ros.process import OccNode
 from occ_constraints_pkg.ros.qos import VERDICTS, overridable
+from occ_constraints_pkg.ros.state_log import StateLog
 from occ_constraints_pkg.rules import Judgement, RuleSet, Verdict
 
 
 class VerdictTopics:
     """Publishes judgements on several topics, each while somebody subscribes to it.
+
+    Changes are told in the log as well, for whoever has nothing but the node's terminal.
 
     Attributes:
         warning: estimates the time to a violation.
@@ -45,6 +48,7 @@ class VerdictTopics:
             )
 
         self.warning = EarlyWarning()
+        self._log = StateLog(node)
         self._costs = publisher(PointCloud2, 'costs')
         self._cost = publisher(Float64, 'cost')
         self._margin = publisher(Float64, 'margin')
@@ -102,6 +106,7 @@ class VerdictTopics:
                 )
         if self._markers.get_subscription_count():
             self._markers.publish(_markers(rule_set, rows, state, features))
+        self._log.judged(rule_set, rows, judgement, state)
 
     def publish_unknown(self, reason: str, rule_set: RuleSet | None, stamp_ns: int) -> None:
         """Say that nothing can be judged, and why; ``stamp_ns`` is that of the last input."""
@@ -111,6 +116,7 @@ class VerdictTopics:
         self._violation.publish(unknown_message(reason, rule_set, stamp_ns))
         if self._markers.get_subscription_count():
             self._markers.publish(verdict_markers(Verdict.UNKNOWN, reason, stamp_ns))
+        self._log.unknown(reason)
 
 
 def _markers(

@@ -225,6 +225,7 @@ def parse_constraints(text: str, where: str) -> Constraints:
             _rule(item, f'rules[{index}]', space) for index, item in enumerate(document['rules'])
         )
         rule_set = RuleSet(space, rules, demonstrated)
+        _check_units(document)
     except (OccError, OverflowError) as error:
         raise OccError(f'{where}: {error}') from error
     return Constraints(
@@ -246,6 +247,34 @@ def _check_version(document: Any, where: str) -> None:
             f'{where}: schema_version: got {version}, written by a newer occ_constraints_pkg; '
             f'allowed here is {SCHEMA_VERSION}'
         )
+
+
+def _check_units(document: Mapping[str, Any]) -> None:
+    """Refuse a feature whose unit is not that of the numbers that the feature map gives.
+
+    Only units that both write down can contradict each other. What else a map has to be is looked
+    at by whoever reads messages by it.
+    """
+    entries = document.get('feature_map', {}).get('features')
+    if not isinstance(entries, list):
+        return
+    for index, item in enumerate(document['features']):
+        for entry in entries:
+            if not isinstance(entry, dict) or entry.get('unit') is None or 'unit' not in item:
+                continue
+            name = str(entry.get('name'))
+            # The features of sectors have a number or a direction behind their common name.
+            is_meant = (
+                item['name'].startswith(f'{name}_')
+                if 'sectors' in entry
+                else (item['name'] == name)
+            )
+            if is_meant and entry['unit'] != item['unit']:
+                raise OccError(
+                    f'features[{index}].unit: got {item["unit"]!r}, but feature_map gives '
+                    f'{item["name"]} in {entry["unit"]!r}; allowed is the same unit in both, as '
+                    'rules mean the numbers that the map gives'
+                )
 
 
 def _feature(item: Mapping[str, Any]) -> Feature:

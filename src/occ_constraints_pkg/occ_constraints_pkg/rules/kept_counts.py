@@ -4,18 +4,24 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
+import re
 from pathlib import Path
 from typing import Any
 
-from occ_constraints_pkg.documents import read_text
+import numpy as np
+
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.files import COUNTS, replacing
+from occ_constraints_pkg.files import COUNTS, read_bytes, replacing
 from occ_constraints_pkg.rules.ruleset import RuleCounts, RuleSet
 from occ_constraints_pkg.rules.verdict import Judgement
 
 _FORMAT = 'occ_constraints counts 1'
+# Counters of 100000 rules take a tenth of it.
+_MOST_BYTES = 100_000_000
+_DAMAGED = 'damaged'
 
 
 class KeptCounts(RuleCounts):
@@ -26,6 +32,8 @@ class KeptCounts(RuleCounts):
         violated: (rules,) int64.
         until_ns: stamp of the newest samples counted, in ns; 0 for none.
         resumed: whether the counters go on from the file.
+        problem: why the file there cannot be used, in one sentence; empty where it can. It is
+            kept beside, as ``.damaged``, once there is something to write.
     """
 
     def __init__(self, rule_set: RuleSet, path: str | Path = '') -> None:
@@ -34,16 +42,14 @@ class KeptCounts(RuleCounts):
         Args:
             rule_set: the rules to count.
             path: JSON file; none: the counters are not kept.
-
-        Raises:
-            OccError: the file cannot be read, or is no file of counters.
         """
         super().__init__(rule_set)
         self._rule_set, self._path = rule_set, path
-        # The rule set that the file counts, if it is another one: that file is kept beside.
-        self._other = ''
+        # What to append to the name of the file that is there, if it is to be kept beside: the
+        # rule set that it counts, or that it is damaged.
+        self._other = self.problem = ''
         self.until_ns = 0
-        self.resumed = bool(path) and Path(path).exists() and self._read()
+        self.resumed = bool(path) and self._read()
         self._is_first = self._is_kept = self.resumed
 
     def add_stamped(self, judgement: Judgement, stamp_ns: int) -> None:
@@ -82,32 +88,79 @@ class KeptCounts(RuleCounts):
             'until_ns': self.until_ns,
             'rules': rules,
         }
+        if self._other and Path(self._path).is_file():
+            try:
+                target = Path(os.path.realpath(self._path))
+                target.replace(_free_name(f'{self._path}.{self._other}'))
+            except OSError as error:
+                raise OccError(f'cannot write {self._path}: {error.strerror or error}') from error
+        self._other = ''
         # The disk is not waited for: a monitor writes this each second beside its judging.
         with replacing(self._path, COUNTS, durable=False) as draft:
-            if self._other:
-                Path(os.path.realpath(self._path)).replace(f'{self._path}.{self._other}')
-                self._other = ''
             draft.write_text(json.dumps(document, indent=1), encoding='utf-8')
         self._is_kept = True
 
     def _read(self) -> bool:
         """Take over what the file says; return whether it counts these rules."""
         try:
-            document: Any = json.loads(read_text(self._path))
+            if not _may_exist(self._path):
+                return False
+            text = read_bytes(self._path, _MOST_BYTES)
+            document: Any = json.loads(text)
             if document['format'] != _FORMAT:
                 raise ValueError(document['format'])
             if document['rule_set'] != self._rule_set.fingerprint:
-                self._other = str(document['rule_set'])
+                self._other = _name_of(document['rule_set'])
                 return False
             counts = [document['rules'][rule.id] for rule in self._rule_set.rules]
-            self.evaluated[:] = [item['evaluated'] for item in counts]
-            self.violated[:] = [item['violated'] for item in counts]
+            evaluated = np.array([_count(item['evaluated']) for item in counts], np.int64)
+            violated = np.array([_count(item['violated']) for item in counts], np.int64)
             self.until_ns = int(document['until_ns'])
-        except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
-            raise OccError(
-                f'{self._path} is no file of rule counters; allowed is {_FORMAT!r}'
-            ) from error
+        except OccError as error:
+            self.problem = str(error)
+        except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
+            self.problem = f'{self._path} is no file of rule counters; allowed is {_FORMAT!r}'
+        else:
+            self.evaluated[:], self.violated[:] = evaluated, violated
+            return True
+        self._other = _DAMAGED
+        return False
+
+
+def _may_exist(path: str | Path) -> bool:
+    try:
+        os.lstat(path)
+    except FileNotFoundError:
+        return False
+    except OSError:
+        # What is wrong shows when it is read.
         return True
+    return True
+
+
+def _count(value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or value < 0:
+        raise ValueError(value)
+    return value
+
+
+def _name_of(fingerprint: Any) -> str:
+    """Return the fingerprint of a rule set as a part of a file's name.
+
+    Raises:
+        ValueError: it is none.
+    """
+    if not isinstance(fingerprint, str) or not re.fullmatch(r'\w{1,64}', fingerprint):
+        raise ValueError(fingerprint)
+    return fingerprint
+
+
+def _free_name(name: str) -> str:
+    """Return a name at which nothing is lost but older counters of the same rule set."""
+    if not name.endswith(f'.{_DAMAGED}'):
+        return name
+    numbered = (f'{name}.{number}' for number in itertools.count(1))
+    return next(path for path in itertools.chain([name], numbered) if not os.path.exists(path))
 
 
 def read_counts(path: str | Path, rule_set: RuleSet) -> RuleCounts:
@@ -116,9 +169,11 @@ def read_counts(path: str | Path, rule_set: RuleSet) -> RuleCounts:
     Raises:
         OccError: it cannot be read, is no file of counters, or counts other rules.
     """
-    if not Path(path).exists():
+    if not os.path.exists(path):
         raise OccError(f'cannot read {path}: there is no such file')
     counts = KeptCounts(rule_set, path)
+    if counts.problem:
+        raise OccError(counts.problem)
     if not counts.resumed:
         raise OccError(
             f'{path} counts other rules; allowed are counters of the rule set '

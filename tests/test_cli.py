@@ -15,7 +15,8 @@ import pytest
 from made_bags import write_drive
 from occ_constraints_pkg.agents.policy import GaussianPolicy
 from occ_constraints_pkg.bags.writer import BagWriter
-from occ_constraints_pkg.cli import cli, main
+from occ_constraints_pkg.cli import main
+from occ_constraints_pkg.cli.commands import cli
 from occ_constraints_pkg.rules.constraints_file import load_constraints
 from occ_constraints_pkg.worlds.registry import world_class
 

@@ -5,14 +5,19 @@
 from importlib import import_module
 from typing import Any
 
+from occ_constraints_pkg.terminal import printable
+
 # Top-level module -> the extra that brings it with pip. ROS packages have many more names, all
 # of which mean the extra 'ros'.
 _EXTRAS = {
     'torch': 'train',
     'mujoco': 'train',
+    'gymnasium': 'train',
+    'highway_env': 'train',
     'matplotlib': 'report',
     'jinja2': 'report',
     'sklearn': 'dev',
+    'pandas': 'dev',
     'rclpy': 'ros',
 }
 
@@ -21,8 +26,12 @@ class OccError(Exception):
     """A user's mistake or a faulty input, told in one sentence.
 
     The sentence says what is wrong, where (file, key, topic), what was found there and what is
-    allowed. The command line prints it without a traceback and exits with code 2.
+    allowed. The command line prints it without a traceback and exits with code 2. Control
+    characters of what was found are written out, so that it stays one line wherever it goes.
     """
+
+    def __str__(self) -> str:
+        return printable(super().__str__())
 
 
 def import_needed(what: str, module: str) -> Any:

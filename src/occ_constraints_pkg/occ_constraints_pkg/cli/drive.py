@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from occ_constraints_pkg.cli.common import JSON, print_json, progress_bar
+from occ_constraints_pkg.cli.common import JSON, print_json, progress_bar, say
 from occ_constraints_pkg.errors import OccError, import_needed
 
 
@@ -115,7 +115,7 @@ def _tell(output: str, numbers: dict[str, float], as_json: bool) -> None:
     if as_json:
         print_json({'output': output, **numbers})
         return
-    click.echo(
+    say(
         f'{output}: {numbers["steps"]} steps, return {numbers["return"]:.2f}, '
         f'cost {numbers["cost"]:.0f}'
     )

@@ -14,6 +14,8 @@ from occ_constraints_pkg.cli.common import (
     JSON,
     print_json,
     progress_bar,
+    say,
+    say_lines,
     warn,
 )
 from occ_constraints_pkg.cli.tree_options import seed_option, tree_options, tree_settings
@@ -99,15 +101,16 @@ def learn(
             }
         )
         return
-    click.echo(describe_rules(constraints))
+    say_lines(describe_rules(constraints))
     before = f'{extracted_rules} rules with {extracted_literals} literals'
+    say('')
     if settings.full_conditions:
-        click.echo(f'\n{before}, not simplified')
+        say(f'{before}, not simplified')
     elif (rules, literals) == (extracted_rules, extracted_literals):
-        click.echo(f'\n{before}; there was nothing to simplify')
+        say(f'{before}; there was nothing to simplify')
     else:
-        click.echo(f'\nSimplified from {before} to {rules} with {literals}')
-    click.echo(
+        say(f'Simplified from {before} to {rules} with {literals}')
+    say(
         f'Inside the safe set: {coverage["training"]:.2%} of '
         f'{coverage["training_samples"]} training samples'
         + (
@@ -118,5 +121,5 @@ def learn(
         )
     )
     if calibration:
-        click.echo(describe_promise(constraints))
-    click.echo(f'Written to {output}')
+        say(describe_promise(constraints))
+    say(f'Written to {output}')

@@ -9,11 +9,7 @@ from pathlib import Path
 
 import click
 
-from occ_constraints_pkg.cli.common import (
-    JSON,
-    print_json,
-    progress_bar,
-)
+from occ_constraints_pkg.cli.common import JSON, print_json, progress_bar, say_lines, tell
 from occ_constraints_pkg.errors import import_needed
 from occ_constraints_pkg.files import replacing
 
@@ -48,7 +44,7 @@ def robots(output: str, data: str | None, kinds: tuple[str, ...], as_json: bool)
     if as_json:
         print_json(result)
         return
-    click.echo((Path(output) / 'robots.md').read_text(encoding='utf-8'))
+    say_lines((Path(output) / 'robots.md').read_text(encoding='utf-8'))
 
 
 @click.command()
@@ -76,7 +72,7 @@ def ngsim(output: str, data: str | None, seeds: int, as_json: bool) -> None:
     if as_json:
         print_json(result)
         return
-    click.echo((Path(output) / 'ngsim.md').read_text(encoding='utf-8'))
+    say_lines((Path(output) / 'ngsim.md').read_text(encoding='utf-8'))
 
 
 @click.command()
@@ -102,7 +98,7 @@ def worlds(output: str, episodes: int, data: str | None, as_json: bool) -> None:
             episodes=episodes, folder=Path(data) if data else None, progress=progress
         )
     for reason in result['skipped'].values():
-        click.echo(f'skipped: {reason}', err=True)
+        tell(f'skipped: {reason}')
     table = module.markdown(result)
     for name, text in (('worlds.json', json.dumps(result, indent=2) + '\n'), ('worlds.md', table)):
         with replacing(Path(output) / name) as draft:
@@ -110,7 +106,7 @@ def worlds(output: str, episodes: int, data: str | None, as_json: bool) -> None:
     if as_json:
         print_json(result)
         return
-    click.echo(table)
+    say_lines(table)
 
 
 @click.command()
@@ -151,4 +147,4 @@ def warnings(
     if as_json:
         print_json(result)
         return
-    click.echo((Path(output) / 'warnings.md').read_text(encoding='utf-8'))
+    say_lines((Path(output) / 'warnings.md').read_text(encoding='utf-8'))

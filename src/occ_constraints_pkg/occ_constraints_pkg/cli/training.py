@@ -16,6 +16,8 @@ from occ_constraints_pkg.cli.common import (
     number,
     print_json,
     progress_bar,
+    say,
+    tell,
 )
 from occ_constraints_pkg.errors import OccError, import_needed
 from occ_constraints_pkg.stopping import parent_is_gone, stop_request
@@ -156,16 +158,16 @@ def _train_one(run: Any, settings: Any, output: Path, resume: bool, as_json: boo
                 f'multiplier {metrics.multiplier:.2f} {metrics.steps_per_s:.0f} steps/s',
             ),
             is_stopped=lambda: stop_request.made or parent_is_gone(),
-            say=lambda sentence: click.echo(sentence, err=True),
+            say=tell,
         )
     if not result.history:
-        click.echo('stopped before the first update; nothing was learned', err=True)
+        tell('stopped before the first update; nothing was learned')
         return
     _draw_curves(output, [result.history], result.cost_limit, settings.cost)
     if as_json:
         print_json({'output': str(output), 'cost_limit': result.cost_limit, **result.history[-1]})
     else:
-        click.echo(f'policy, checkpoint and metrics are in {output}')
+        say(f'policy, checkpoint and metrics are in {output}')
 
 
 def _train_several(
@@ -188,18 +190,18 @@ def _train_several(
         directories = train_seeds(arguments, seeds, output, progress=show)
     summary, histories = seeds_summary(directories)
     if not histories:
-        click.echo('stopped before the first update of any seed; nothing was learned', err=True)
+        tell('stopped before the first update of any seed; nothing was learned')
         return
     _draw_curves(output, histories, limit, settings.cost)
     if as_json:
         print_json({'output': str(output), 'cost_limit': limit, **summary})
         return
     for line in summary['seeds']:
-        click.echo(
+        say(
             f'{line["directory"]}: {line["steps"]} steps, return {line["return"]:.2f}, '
             f'cost {line["cost"]:.2f}'
         )
-    click.echo(
+    say(
         f'mean of {len(histories)}: return {_interval(summary, "return")}, '
         f'cost {_interval(summary, "cost")} (95 % intervals over seeds; during training)'
     )
@@ -209,7 +211,7 @@ def _draw_curves(output: Path, histories: list, limit: float, cost: str) -> None
     try:
         from occ_constraints_pkg.report.curves import draw_training
     except ModuleNotFoundError:
-        click.echo("no curves.png: it needs the extra 'report'", err=True)
+        tell("no curves.png: it needs the extra 'report'")
         return
     draw_training(
         output / 'curves.png',
@@ -277,12 +279,12 @@ def evaluate(
         if as_json:
             numbers = {'policies': named, **numbers}
         for line in named if not as_json else ():
-            click.echo(f'{line["policy"]}: return {line["return"]:.3f}, cost {line["cost"]:.3f}')
+            say(f'{line["policy"]}: return {line["return"]:.3f}, cost {line["cost"]:.3f}')
     if as_json:
         print_json(numbers)
         return
     for name, value in numbers.items():
-        click.echo(f'{name}: {"not known" if value is None else format(value, ".3f")}')
+        say(f'{name}: {"not known" if value is None else format(value, ".3f")}')
 
 
 def _world_of(policy: str) -> str:

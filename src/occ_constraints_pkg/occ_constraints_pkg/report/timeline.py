@@ -11,6 +11,7 @@ import numpy as np
 from occ_constraints_pkg.bags.timeline import Interval, Timeline
 from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.rules.verdict import Verdict
+from occ_constraints_pkg.terminal import printable
 
 # Violations that are told one by one at most.
 _MOST = 20
@@ -34,7 +35,7 @@ def describe_timeline(timeline: Timeline, rule_set: RuleSet) -> str:
         )
     if timeline.violations:
         lines += _rule_lines(timeline, rule_set) + _violation_lines(timeline, rule_set)
-    return '\n'.join(lines)
+    return '\n'.join(map(printable, lines))
 
 
 def timeline_document(timeline: Timeline, rule_set: RuleSet) -> dict[str, Any]:

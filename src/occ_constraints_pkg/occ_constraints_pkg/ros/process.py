@@ -34,7 +34,9 @@ from rclpy.validate_topic_name import validate_topic_name
 
 from occ_constraints_pkg.documents import did_you_mean
 from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.ros.log import OneLineLogger
 from occ_constraints_pkg.stopping import parent_is_gone, stop_request
+from occ_constraints_pkg.terminal import printable
 
 # How often a quiet process looks whether it was asked to end. The executor needs a finite limit
 # in any case: with some C++ libraries an unlimited wait overflows and spins at full load.
@@ -69,6 +71,7 @@ class OccNode(Node):
     def __init__(self, name: str, **kwargs: Any) -> None:
         self.done: Future = Future()
         super().__init__(name, **kwargs)
+        self._logger = OneLineLogger(self._logger.name)
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
 
     def finish(self, exit_code: int = 0) -> None:
@@ -268,7 +271,7 @@ def run_node(make_node: Callable[[], OccNode], argv: Sequence[str] | None = None
 
 def tell(error: OccError | OSError) -> int:
     """Print a mistake as one sentence on stderr; return the exit code 2."""
-    print(f'error: {error}', file=sys.stderr, flush=True)
+    print(f'error: {printable(str(error))}', file=sys.stderr, flush=True)
     return 2
 
 

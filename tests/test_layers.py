@@ -21,7 +21,7 @@ ALLOWED = {
     'worlds': set(),
     'agents': {'rules', 'learning', 'bags', 'worlds'},
 }
-COMMON = {'errors', 'documents', 'files', 'stopping', '__version__'}
+COMMON = {'errors', 'documents', 'files', 'stopping', 'terminal', 'wording', '__version__'}
 ROS = {'rclpy', 'ament_index_python', 'launch', 'rosidl_runtime_py', 'rosbag2_py'}
 
 

@@ -23,7 +23,7 @@ from occ_constraints_pkg.cli.learning import learn
 from occ_constraints_pkg.cli.nodes import node, play, record
 from occ_constraints_pkg.cli.rules import check, prune, score, show, simplify
 from occ_constraints_pkg.cli.training import evaluate, train
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import OccError, missing_extra
 
 
 def run_command(argv: Sequence[str] | None = None) -> int:
@@ -71,6 +71,8 @@ def _sentence(error: Exception) -> str | None:
         case OSError():
             where = '' if error.filename is None else f' {error.filename}'
             return f'cannot use{where}: {error.strerror or error}'
+        case ImportError() if told := missing_extra('the command', error):
+            return str(told)
         case ImportError() if not (error.name or '').startswith(occ_constraints_pkg.__name__):
             reason = str(error).strip().partition('\n')[0]
             return f'a package cannot be imported ({reason}); repair the installation'

@@ -166,6 +166,8 @@ def _plain(value: Any) -> Any:
     raise TypeError(f'cannot write {type(value).__name__} as JSON')
 
 
-def number(value: float) -> float | None:
-    """Return what JSON can hold of a number: None where it is not finite."""
+def number(value: float) -> float | int | None:
+    """Return what JSON can hold of a number: None where it is not finite; counts stay whole."""
+    if isinstance(value, int):
+        return value
     return float(value) if math.isfinite(value) else None

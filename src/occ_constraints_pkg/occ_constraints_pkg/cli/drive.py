@@ -59,9 +59,10 @@ def drive(
     """
     import numpy as np
 
-    from occ_constraints_pkg.agents.drivers import find_driver
+    from occ_constraints_pkg.agents.drivers import check_driver, find_driver
     from occ_constraints_pkg.worlds.registry import make_world
 
+    check_driver(world, driver)
     on_highway = world.startswith('highway')
     if on_highway and steps is not None:
         raise OccError(f'--steps is not for world {world}; allowed is a whole episode')

@@ -51,7 +51,7 @@ for _command in (robots, ngsim, worlds, warnings):
 @click.option('--seed', default=0, show_default=True)
 @click.option(
     '--data',
-    type=click.Path(),
+    type=click.Path(exists=True, file_okay=False),
     help='Folder of the CSV files; default: oneclass in OCC_TEST_DATA or in ../shared/data.',
 )
 @click.option('--set', 'sets', multiple=True, help='Run only this data set; may be repeated.')
@@ -319,8 +319,13 @@ def transfer(output: str, as_json: bool, **given: Any) -> None:
     \b
     Example: occ experiment transfer --expert runs/expert/policy.npz -o results/transfer
     """
-    module = import_needed('occ experiment', 'occ_constraints_pkg.experiments.transfer')
     given['target'] = given['target'] or given['source']
+    from occ_constraints_pkg.agents.drivers import check_driver
+    from occ_constraints_pkg.worlds.registry import check_world
+
+    check_world(given['target'])
+    check_driver(given['source'], given['expert'])
+    module = import_needed('occ experiment', 'occ_constraints_pkg.experiments.transfer')
     settings = module.TransferSettings(**given)
     total = settings.steps * settings.seeds
     with progress_bar('training', detail=True) as progress:

@@ -20,6 +20,7 @@ from occ_constraints_pkg.cli.common import (
 )
 from occ_constraints_pkg.cli.tree_options import seed_option, tree_options, tree_settings
 from occ_constraints_pkg.report.rules import describe_promise, describe_rules
+from occ_constraints_pkg.wording import counted
 
 
 @click.command()
@@ -69,6 +70,7 @@ def learn(
     from occ_constraints_pkg.rules.constraints_file import save_learned
 
     settings = tree_settings(**tree)
+    warnings: list[str] = []
     with progress_bar('reading') as progress:
         constraints = learn_from_files(
             paths,
@@ -78,7 +80,7 @@ def learn(
             false_alarm=false_alarm,
             calibrate_on=calibrate_on,
             progress=progress,
-            warn=warn,
+            warn=warnings.append,
         )
     save_learned(constraints, output, overwrite=overwrite)
     coverage = constraints.coverage
@@ -87,7 +89,9 @@ def learn(
     extracted_rules = constraints.learner['extracted_rules']
     extracted_literals = constraints.learner['extracted_literals']
     if calibration and calibration['vanished']:
-        warn(loss_words(calibration))
+        warnings.append(loss_words(calibration))
+    for sentence in warnings:
+        warn(sentence)
     if as_json:
         print_json(
             {
@@ -98,11 +102,12 @@ def learn(
                 'extracted_literals': extracted_literals,
                 **coverage,
                 **({'calibration': calibration} if calibration else {}),
+                'warnings': warnings,
             }
         )
         return
     say_lines(describe_rules(constraints))
-    before = f'{extracted_rules} rules with {extracted_literals} literals'
+    before = f'{counted(extracted_rules, "rule")} with {counted(extracted_literals, "literal")}'
     say('')
     if settings.full_conditions:
         say(f'{before}, not simplified')
@@ -112,12 +117,12 @@ def learn(
         say(f'Simplified from {before} to {rules} with {literals}')
     say(
         f'Inside the safe set: {coverage["training"]:.2%} of '
-        f'{coverage["training_samples"]} training samples'
+        f'{counted(coverage["training_samples"], "training sample")}'
         + (
             ''
             if coverage['held_out'] is None
             else f', {coverage["held_out"]:.2%} of {coverage["held_out_samples"]} samples of '
-            f'{coverage["held_out_episodes"]} held-out episodes'
+            f'{counted(coverage["held_out_episodes"], "held-out episode")}'
         )
     )
     if calibration:

@@ -18,7 +18,7 @@ from occ_constraints_pkg.files import replacing
 @click.option('-o', '--output', default='results', show_default=True, type=click.Path())
 @click.option(
     '--data',
-    type=click.Path(),
+    type=click.Path(exists=True, file_okay=False),
     help='Folder of the recordings; default: robots in OCC_TEST_DATA or in ../shared/data.',
 )
 @click.option('--kind', 'kinds', multiple=True, help='Only this kind of robot; may be repeated.')
@@ -51,7 +51,7 @@ def robots(output: str, data: str | None, kinds: tuple[str, ...], as_json: bool)
 @click.option('-o', '--output', default='results', show_default=True, type=click.Path())
 @click.option(
     '--data',
-    type=click.Path(),
+    type=click.Path(exists=True, file_okay=False),
     help='Folder of ngsim_us101 and ngsim_i80; default: driving in OCC_TEST_DATA or in '
     '../shared/data.',
 )
@@ -82,7 +82,7 @@ def ngsim(output: str, data: str | None, seeds: int, as_json: bool) -> None:
 )
 @click.option(
     '--data',
-    type=click.Path(),
+    type=click.Path(exists=True, file_okay=False),
     help='Folder of the records; default: safety_gym_traces in OCC_TEST_DATA or ../shared/data.',
 )
 @JSON
@@ -113,7 +113,7 @@ def worlds(output: str, episodes: int, data: str | None, as_json: bool) -> None:
 @click.option('-o', '--output', default='results', show_default=True, type=click.Path())
 @click.option(
     '--data',
-    type=click.Path(),
+    type=click.Path(exists=True, file_okay=False),
     help='Folder of the recordings; default: robots in OCC_TEST_DATA or in ../shared/data.',
 )
 @click.option(

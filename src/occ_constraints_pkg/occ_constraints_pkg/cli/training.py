@@ -21,6 +21,7 @@ from occ_constraints_pkg.cli.common import (
 )
 from occ_constraints_pkg.errors import OccError, import_needed
 from occ_constraints_pkg.stopping import parent_is_gone, stop_request
+from occ_constraints_pkg.worlds.registry import check_world
 
 
 def _seeds(_context: Any, _parameter: Any, text: str | None) -> range | None:
@@ -129,6 +130,7 @@ def train(
     \b
     Example: occ train PointGoal1 --cost constraints.yaml --steps 1000000 -o runs/mine
     """
+    check_world(world)
     run = import_needed('occ train', 'occ_constraints_pkg.agents.run')
     import_needed('occ train', 'occ_constraints_pkg.agents.ppo_lagrangian')
     settings = run.RunSettings(
@@ -284,13 +286,26 @@ def evaluate(
         print_json(numbers)
         return
     for name, value in numbers.items():
-        say(f'{name}: {"not known" if value is None else format(value, ".3f")}')
+        say(f'{name}: {_written(value)}')
+
+
+def _written(value: float | None) -> str:
+    if value is None:
+        return 'not known'
+    return str(value) if isinstance(value, int) else f'{value:.3f}'
 
 
 def _world_of(policy: str) -> str:
     """Return the world that a policy file was trained in."""
     from occ_constraints_pkg.agents.policy import GaussianPolicy
 
+    if Path(policy).is_dir():
+        inside = Path(policy, 'policy.npz')
+        raise OccError(
+            f'{policy} is a directory; allowed is the policy file in it, {inside}'
+            if inside.is_file()
+            else f'{policy} is a directory without a policy.npz; allowed is a policy file (.npz)'
+        )
     if not policy.endswith('.npz'):
         raise OccError(f'{policy!r} is no policy file (.npz), and a driver needs --world')
     return GaussianPolicy.load(policy).world

@@ -12,10 +12,12 @@ from typing import Any
 import numpy as np
 
 import occ_constraints_pkg
+from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.learning.calibration import (
     SafeSet,
     calibrate,
     episodes_needed,
+    least_false_alarm,
     space_limits,
 )
 from occ_constraints_pkg.learning.evidence import (
@@ -24,7 +26,13 @@ from occ_constraints_pkg.learning.evidence import (
     gather_evidence,
 )
 from occ_constraints_pkg.learning.octree import fit_tree
-from occ_constraints_pkg.learning.samples import divide_samples, families, is_usable
+from occ_constraints_pkg.learning.samples import (
+    LEAST_EPISODES_TO_HOLD_OUT,
+    Samples,
+    divide_samples,
+    families,
+    is_usable,
+)
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.learning.simplification import Simplification, extract_and_simplify
 from occ_constraints_pkg.learning.tree import Node
@@ -79,15 +87,17 @@ def learn(
     """
     settings = settings if settings is not None else OCTreeSettings()
     own = false_alarm is not None and safe_episodes is None
+    needed = episodes_needed(false_alarm) if own else 0
     samples = divide_samples(
         values,
         episodes,
         space,
         rng=rng,
         held_out_share=held_out_share,
-        hold_out_least=episodes_needed(false_alarm) if own else 0,
+        hold_out_least=needed,
     )
     if own:
+        _check_enough(false_alarm, needed, samples)
         safe_episodes = samples.held_out, samples.held_out_names
     training = samples.training
     tree = grow(training, space, settings, progress=progress)
@@ -141,6 +151,22 @@ def learn(
         coverage,
         provenance,
         evidence,
+    )
+
+
+def _check_enough(false_alarm: float, needed: int, samples: Samples) -> None:
+    """Refuse too few held-out episodes in the numbers that the user knows, those given."""
+    held_out = samples.held_out_episodes
+    if held_out >= needed:
+        return
+    given = held_out + len(np.unique(samples.episodes))
+    least = least_false_alarm(held_out)
+    raise OccError(
+        f'false_alarm {false_alarm:g} needs {needed} safe episodes to calibrate on, but of '
+        + ('the 1 episode' if given == 1 else f'the {given} episodes')
+        + f' given {held_out or "none"} can be held out for that; allowed are '
+        f'{max(2 * needed, LEAST_EPISODES_TO_HOLD_OUT)} or more, {needed} others to calibrate on'
+        + (f', or a false_alarm of {least} or more' if held_out else '')
     )
 
 

@@ -5,6 +5,6 @@
 from __future__ import annotations
 
 
-def counted(number: int, noun: str) -> str:
+def count_of(number: int, noun: str) -> str:
     """Return a number with its noun, as ``1 rule`` or ``2 rules``."""
     return f'{number} {noun}' if number == 1 else f'{number} {noun}s'

@@ -15,7 +15,7 @@ from occ_constraints_pkg.learning.learn import grow
 from occ_constraints_pkg.learning.samples import LEAST_EPISODES_TO_HOLD_OUT, families, is_usable
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.rules.space import FeatureSpace
-from occ_constraints_pkg.wording import counted
+from occ_constraints_pkg.wording import count_of
 
 # With fewer samples the bounds are little more than the samples themselves.
 _FEW_SAMPLES = 100
@@ -60,8 +60,8 @@ def _of_amount(data: Dataset, usable: int) -> Iterator[str]:
     if usable < _FEW_SAMPLES:
         verb = 'is' if usable == 1 else 'are'
         yield (
-            f'there {verb} {counted(usable, "usable sample")}; with fewer than {_FEW_SAMPLES} the rules say little more than that '
-            'nothing else was seen'
+            f'there {verb} {count_of(usable, "usable sample")}; with fewer than {_FEW_SAMPLES} the '
+            'rules say little more than that nothing else was seen'
         )
     episodes = len(np.unique(data.episodes))
     if episodes < LEAST_EPISODES_TO_HOLD_OUT:
@@ -69,7 +69,7 @@ def _of_amount(data: Dataset, usable: int) -> Iterator[str]:
         hint = hint if data.origins is None else ''
         yield (
             ('there is ' if episodes == 1 else 'there are ')
-            + counted(episodes, 'episode')
+            + count_of(episodes, 'episode')
             + f'; with fewer than {LEAST_EPISODES_TO_HOLD_OUT} none is held out, so nothing tells '
             f'how well the rules fit drives that were not seen{hint}'
         )

@@ -25,9 +25,8 @@ def without_repeats(data: Dataset, earlier: Dataset | None = None) -> tuple[Data
     Returns:
         The rest, which may be empty, and a sentence for each source with repeated rows.
     """
-    hashes = [
-        source['sha256'] for part in (earlier, data) if part is not None for source in part.sources
-    ]
+    before = () if earlier is None else earlier.sources
+    hashes = [source['sha256'] for source in (*before, *data.sources)]
     if len(set(hashes)) == len(hashes):
         return data, []
     given: dict[str, list[tuple[str, np.ndarray]]] = {}

@@ -78,7 +78,7 @@ def _load():
         version = numpy.__version__
     # A damaged package fails in any way.
     except Exception as error:
-        raise _DamagedError(_damage('numpy', error)) from error
+        raise _DamagedError(damage('numpy', error)) from error
     if tuple(int(part) for part in version.split('.')[:2]) < _OLDEST_NUMPY:
         raise _DamagedError(
             f'NumPy {version} is too old; needed is {".".join(map(str, _OLDEST_NUMPY))} or later: '
@@ -87,11 +87,13 @@ def _load():
     try:
         from occ_constraints_pkg.cli.commands import run_command
     except ImportError as error:
-        raise _DamagedError(_damage((error.name or '').partition('.')[0], error)) from error
+        raise _DamagedError(damage(error.name or '', error)) from error
     return run_command
 
 
-def _damage(package: str, error: Exception) -> str:
+def damage(package: str, error: Exception) -> str:
+    """Return the sentence on a package that cannot be imported."""
+    package = package.partition('.')[0]
     reason = next((line.strip() for line in str(error).splitlines() if line.strip()), '')
     return printable(
         f'the package {package} cannot be imported ({reason or type(error).__name__}); '

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import click
 
 import occ_constraints_pkg
-from occ_constraints_pkg.cli import interrupt
+from occ_constraints_pkg.cli import damage, interrupt
 from occ_constraints_pkg.cli.common import discard, help_without_command, tell
 from occ_constraints_pkg.cli.demo_and_bench import bench, demo
 from occ_constraints_pkg.cli.drive import drive
@@ -74,8 +74,7 @@ def _sentence(error: Exception) -> str | None:
         case ImportError() if told := missing_extra('the command', error):
             return str(told)
         case ImportError() if not (error.name or '').startswith(occ_constraints_pkg.__name__):
-            reason = str(error).strip().partition('\n')[0]
-            return f'a package cannot be imported ({reason}); repair the installation'
+            return damage(error.name or '', error)
     return None
 
 

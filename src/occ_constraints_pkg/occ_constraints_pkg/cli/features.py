@@ -18,7 +18,7 @@ from occ_constraints_pkg.cli.common import (
     warn,
 )
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.wording import counted
+from occ_constraints_pkg.wording import count_of
 
 
 @click.group(invoke_without_command=True)
@@ -78,7 +78,7 @@ def suggest(bag: str, output: str | None, as_json: bool) -> None:
             }
         )
     elif output:
-        say(f'{counted(len(suggestion.seen.features), "feature")}; written to {output}')
+        say(f'{count_of(len(suggestion.seen.features), "feature")}; written to {output}')
     else:
         say_lines(text, nl=False)
 

@@ -20,7 +20,7 @@ from occ_constraints_pkg.cli.common import (
 )
 from occ_constraints_pkg.cli.tree_options import seed_option, tree_options, tree_settings
 from occ_constraints_pkg.report.rules import describe_promise, describe_rules
-from occ_constraints_pkg.wording import counted
+from occ_constraints_pkg.wording import count_of
 
 
 @click.command()
@@ -107,7 +107,7 @@ def learn(
         )
         return
     say_lines(describe_rules(constraints))
-    before = f'{counted(extracted_rules, "rule")} with {counted(extracted_literals, "literal")}'
+    before = f'{count_of(extracted_rules, "rule")} with {count_of(extracted_literals, "literal")}'
     say('')
     if settings.full_conditions:
         say(f'{before}, not simplified')
@@ -117,12 +117,12 @@ def learn(
         say(f'Simplified from {before} to {rules} with {literals}')
     say(
         f'Inside the safe set: {coverage["training"]:.2%} of '
-        f'{counted(coverage["training_samples"], "training sample")}'
+        f'{count_of(coverage["training_samples"], "training sample")}'
         + (
             ''
             if coverage['held_out'] is None
             else f', {coverage["held_out"]:.2%} of {coverage["held_out_samples"]} samples of '
-            f'{counted(coverage["held_out_episodes"], "held-out episode")}'
+            f'{count_of(coverage["held_out_episodes"], "held-out episode")}'
         )
     )
     if calibration:

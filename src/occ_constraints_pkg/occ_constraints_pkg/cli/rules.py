@@ -27,7 +27,7 @@ from occ_constraints_pkg.report.evidence import describe_why, why_document
 from occ_constraints_pkg.report.rules import describe_promise, describe_rules
 from occ_constraints_pkg.report.traffic import rule_rows, rules_table
 from occ_constraints_pkg.rules.forecast import WINDOW_SECONDS
-from occ_constraints_pkg.wording import counted
+from occ_constraints_pkg.wording import count_of
 
 
 @click.command()
@@ -273,7 +273,7 @@ def prune(
         )
         return
     say_lines(describe_rules(pruned, counters=True))
-    say(f'{counted(len(result.pruned), "rule")} disabled; written to {target}')
+    say(f'{count_of(len(result.pruned), "rule")} disabled; written to {target}')
 
 
 @click.command()
@@ -322,7 +322,8 @@ def simplify(constraints: str, output: str | None, counted: bool, as_json: bool)
     if result.kept:
         say(f'left alone for their note or counters: {", ".join(result.kept)}')
     say(
-        f'{counted(result.before[0], "rule")} with {counted(result.before[1], "literal")} before, '
+        f'{count_of(result.before[0], "rule")} with '
+        f'{count_of(result.before[1], "literal")} before, '
         + '{} with {} after; '.format(*result.after)
         + f'written to {target}'
     )

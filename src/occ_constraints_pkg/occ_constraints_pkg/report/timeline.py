@@ -12,7 +12,7 @@ from occ_constraints_pkg.bags.timeline import Interval, Timeline
 from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.rules.verdict import Verdict
 from occ_constraints_pkg.terminal import printable
-from occ_constraints_pkg.wording import counted
+from occ_constraints_pkg.wording import count_of
 
 # Violations that are told one by one at most.
 _MOST = 20
@@ -32,7 +32,7 @@ def describe_timeline(timeline: Timeline, rule_set: RuleSet) -> str:
         )
     if timeline.unknown:
         lines.append(
-            f'{counted(len(timeline.unknown), "interval")} UNKNOWN: {_causes(timeline, rule_set)}'
+            f'{count_of(len(timeline.unknown), "interval")} UNKNOWN: {_causes(timeline, rule_set)}'
         )
     if timeline.violations:
         lines += _rule_lines(timeline, rule_set) + _violation_lines(timeline, rule_set)
@@ -74,7 +74,7 @@ def _violation_lines(timeline: Timeline, rule_set: RuleSet) -> list[str]:
     space, unit = rule_set.space, _unit(timeline)
     worst = set(sorted(timeline.violations, key=lambda item: item.margin)[:_MOST])
     count = len(timeline.violations)
-    lines = [counted(count, 'violation') + (f', the {_MOST} worst:' if count > _MOST else ':')]
+    lines = [count_of(count, 'violation') + (f', the {_MOST} worst:' if count > _MOST else ':')]
     several = len(timeline.data.sources) > 1
     episodes = len(np.unique(timeline.data.episodes)) > len(timeline.data.sources)
     digits = 3 if unit else 0

@@ -18,7 +18,7 @@ from occ_constraints_pkg.rules.constraints_file import Constraints
 from occ_constraints_pkg.rules.edits import RuleEdits
 from occ_constraints_pkg.rules.kept_counts import KeptCounts
 from occ_constraints_pkg.rules.listing import rules_document
-from occ_constraints_pkg.wording import counted
+from occ_constraints_pkg.wording import count_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +106,7 @@ class RulesInForce:
         self._now = rules
         rule_set, log = rules.edited.rule_set, self._node.get_logger()
         log.info(
-            f'{counted(len(rule_set.order), "enabled rule")} from {rules.where}, rule set '
+            f'{count_of(len(rule_set.order), "enabled rule")} from {rules.where}, rule set '
             f'{rule_set.fingerprint}'
             + (f'; counters go on from {self.counts_file}' if rules.counts.resumed else '')
         )

@@ -39,7 +39,7 @@ def _learner(_context: Any, _parameter: Any, texts: tuple[str, ...]) -> dict[str
         name, _, value = text.partition('=')
         try:
             chosen[name] = json.loads(value)
-        except ValueError:
+        except (ValueError, RecursionError):
             raise click.BadParameter(
                 f'got {text!r}; allowed is NAME=VALUE, as in actor_lr=5e-4'
             ) from None

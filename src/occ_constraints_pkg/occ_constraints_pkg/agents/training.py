@@ -283,5 +283,5 @@ def read_metrics(path: Path) -> list[dict[str, Any]]:
         return lines
     except OSError as error:
         raise OccError(f'cannot read {path}: {error.strerror}') from error
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise OccError(f'{path} is damaged: allowed is one JSON object for each update') from error

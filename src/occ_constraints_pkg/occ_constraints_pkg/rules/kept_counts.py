@@ -102,7 +102,7 @@ class KeptCounts(RuleCounts):
             self.until_ns = int(document['until_ns'])
         except OSError as error:
             raise OccError(f'cannot read {self._path}: {error.strerror or error}') from error
-        except (ValueError, LookupError, TypeError, OverflowError, RecursionError) as error:
+        except (ValueError, KeyError, TypeError, OverflowError) as error:
             raise OccError(
                 f'{self._path} is no file of rule counters; allowed is {_FORMAT!r}'
             ) from error

@@ -40,6 +40,7 @@ from occ_constraints_pkg.rules.constraints_file import Constraints
 from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.rules.space import FeatureSpace
 from occ_constraints_pkg.rules.verdict import Verdict
+from occ_constraints_pkg.wording import count_of
 
 
 def learn(
@@ -162,10 +163,10 @@ def _check_enough(false_alarm: float, needed: int, samples: Samples) -> None:
     given = held_out + len(np.unique(samples.episodes))
     least = least_false_alarm(held_out)
     raise OccError(
-        f'false_alarm {false_alarm:g} needs {needed} safe episodes to calibrate on, but of '
+        f'false_alarm {false_alarm:g} needs {count_of(needed, "safe episode")} to calibrate on, but of '
         + ('the 1 episode' if given == 1 else f'the {given} episodes')
         + f' given {held_out or "none"} can be held out for that; allowed are '
-        f'{max(2 * needed, LEAST_EPISODES_TO_HOLD_OUT)} or more, {needed} others to calibrate on'
+        f'{max(2 * needed, LEAST_EPISODES_TO_HOLD_OUT)} or more, or {count_of(needed, "other")} to calibrate on'
         + (f', or a false_alarm of {least} or more' if held_out else '')
     )
 

@@ -163,11 +163,12 @@ def _check_enough(false_alarm: float, needed: int, samples: Samples) -> None:
     given = held_out + len(np.unique(samples.episodes))
     least = least_false_alarm(held_out)
     raise OccError(
-        f'false_alarm {false_alarm:g} needs {count_of(needed, "safe episode")} to calibrate on, but of '
+        f'false_alarm {false_alarm:g} needs {count_of(needed, "safe episode")} to calibrate on, '
+        + 'but of '
         + ('the 1 episode' if given == 1 else f'the {given} episodes')
         + f' given {held_out or "none"} can be held out for that; allowed are '
-        f'{max(2 * needed, LEAST_EPISODES_TO_HOLD_OUT)} or more, or {count_of(needed, "other")} to calibrate on'
-        + (f', or a false_alarm of {least} or more' if held_out else '')
+        f'{max(2 * needed, LEAST_EPISODES_TO_HOLD_OUT)} or more, or {count_of(needed, "other")} '
+        'to calibrate on' + (f', or a false_alarm of {least} or more' if held_out else '')
     )
 
 

@@ -16,6 +16,7 @@ start=yes
 case ${1:-} in
   '') ;;
   --build-only) start=no ;;
+  -h | --help) say 'usage: scripts/colcon.sh [--build-only]'; exit 0 ;;
   *) fail "usage: scripts/colcon.sh [--build-only]" ;;
 esac
 

@@ -5,6 +5,11 @@
 # Runs every linter, also after one has complained, and fails if any did.
 
 set -euo pipefail
+if (($#)); then
+  echo 'usage: scripts/lint.sh (runs every linter; takes no arguments)' >&2
+  [[ $1 == -h || $1 == --help ]] && exit 0
+  exit 2
+fi
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 bin=$PWD/.venv/bin
 failed=0

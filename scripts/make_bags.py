@@ -3,8 +3,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Record the small bags in bags/ anew: .venv/bin/python scripts/make_bags.py [directory]."""
 
+import argparse
 import shutil
-import sys
 import tempfile
 from pathlib import Path
 
@@ -22,7 +22,9 @@ BAGS = {
 
 def main() -> None:
     """Record every bag that is not there yet."""
-    target = Path(sys.argv[1] if len(sys.argv) > 1 else 'bags')
+    parser = argparse.ArgumentParser(description='Record the small bags anew that are not there.')
+    parser.add_argument('directory', nargs='?', default='bags', type=Path)
+    target = parser.parse_args().directory
     for name, (world, driver, robots, episodes) in BAGS.items():
         if (target / name / 'metadata.yaml').exists():
             print(f'{target / name} is there already')

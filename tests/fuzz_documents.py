@@ -1,9 +1,10 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Loads damaged YAML documents: ``python -m fuzz_documents FIRST COUNT``, in ``tests``."""
+"""Loads damaged YAML and JSON documents: ``python -m fuzz_documents FIRST COUNT``, in ``tests``."""
 
 from __future__ import annotations
 
+import json
 import sys
 import tempfile
 from collections.abc import Callable
@@ -12,12 +13,17 @@ from pathlib import Path
 
 import numpy as np
 from fuzzing import damaged_text, watch
+from occ_constraints_pkg.agents.training import read_metrics
 from occ_constraints_pkg.bags.feature_map import FeatureMap, load_feature_map, map_of
 from occ_constraints_pkg.bags.manifest import load_manifest
 from occ_constraints_pkg.documents import dump_yaml, parse_yaml
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.learning.learn import learn
+from occ_constraints_pkg.report.evidence import describe_why, why_document
+from occ_constraints_pkg.report.rules import describe_rules
 from occ_constraints_pkg.rules.constraints_file import load_constraints
+from occ_constraints_pkg.rules.kept_counts import KeptCounts, read_counts
+from occ_constraints_pkg.terminal import printable
 
 MAP = """\
 schema_version: 1
@@ -57,6 +63,10 @@ def documents() -> tuple[tuple[str, Callable[[Path], object]], ...]:
 
     def load_rules(path: Path) -> None:
         loaded = load_constraints(path)
+        text = describe_rules(loaded, counters=True)
+        for rule in loaded.rule_set.rules:
+            text += describe_why(why_document(loaded, rule.id))
+        assert printable(text, keep_lines=True) == text
         loaded.rule_set.judge(values)
         map_of(loaded, str(path))
         dump_yaml(loaded.feature_map)
@@ -69,14 +79,27 @@ def documents() -> tuple[tuple[str, Callable[[Path], object]], ...]:
         for selection in load_manifest(path):
             assert (selection.stretches(np.arange(5) * 10**10) >= -1).all()
 
-    return (MAP, load_map), (constraints.dumps(), load_rules), (MANIFEST, load_list)
+    with tempfile.TemporaryDirectory() as place:
+        counts = KeptCounts(constraints.rule_set, Path(place) / 'counts.json')
+        counts.add(constraints.rule_set.judge(values))
+        counts.keep()
+        counted = (Path(place) / 'counts.json').read_text()
+    line = json.dumps({'updates': 1, 'steps': 64, 'mean_return': 1.5, 'mean_cost': None})
+    return (
+        (MAP, load_map),
+        (constraints.dumps(), load_rules),
+        (MANIFEST, load_list),
+        (counted, lambda path: read_counts(path, constraints.rule_set)),
+        (f'{line}\n' * 3, read_metrics),
+    )
 
 
 def call(number: int, path: Path) -> Callable[[], str]:
     """Write the damaged document of a number; return the call that loads it."""
     kinds = documents()
     text, load = kinds[number % len(kinds)]
-    path.write_text(damaged_text(text, np.random.default_rng(number)), encoding='utf-8')
+    text = damaged_text(text, np.random.default_rng(number))
+    path.write_bytes(text.encode('utf-8', 'surrogatepass'))
 
     def run() -> str:
         try:

@@ -58,7 +58,7 @@ def damaged(data: bytes, rng: np.random.Generator, other: bytes | None = None) -
 
 
 def damaged_text(text: str, rng: np.random.Generator) -> str:
-    """Return YAML text with characters, lines or values changed."""
+    """Return YAML or JSON text with characters, lines or values changed."""
     lines = text.split('\n')
     for _ in range(int(rng.integers(1, 4))):
         place = int(rng.integers(len(lines)))
@@ -87,6 +87,8 @@ def damaged_text(text: str, rng: np.random.Generator) -> str:
 _VALUES = (
     *('.nan', '.inf', '-1', '1e999', '1e-320', 'null', '~', '""', '[]', '{}', 'true', '0x10'),
     *('99999999999999999999', '[[[[]]]]', '{a: {b: c}}', '2026-01-01', '-0.0', '!!python/none'),
+    *('1e300', '1e-300', '-1e300', '9' * 5000, 'x' * 300, '[' * 3000, '{"a": ' * 3000),
+    *('"\\e[2J\\a"', '"a\\nerror: forged"', '"\\u202egnp"', '"\\u2028"', '"\\ud800"', '"\\x9b"'),
 )
 _PIECES = (
     *('&a ', '*a', '!!binary ', '!!set ', '<<: ', '? ', '- ', '|', '>', '%', '@', '`', '\t'),

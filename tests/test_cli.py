@@ -15,7 +15,8 @@ import pytest
 from made_bags import write_drive
 from occ_constraints_pkg.agents.policy import GaussianPolicy
 from occ_constraints_pkg.bags.writer import BagWriter
-from occ_constraints_pkg.cli import cli, main
+from occ_constraints_pkg.cli import main
+from occ_constraints_pkg.cli.commands import cli
 from occ_constraints_pkg.rules.constraints_file import load_constraints
 from occ_constraints_pkg.worlds.registry import world_class
 
@@ -36,6 +37,9 @@ def files(tmp_path_factory):
     text = (folder / 'rules.yaml').read_text()
     (folder / 'typo.yaml').write_text(text.replace('operator:', 'operater:', 1))
     (folder / 'edited.yaml').write_text(text.replace('enabled: true', 'enabled: false', 1))
+    (folder / 'map.yaml').write_text(
+        'schema_version: 1\npace: odom\nmax_age: 1\nfeatures:\n- {name: x, topic: odom, field: x}\n'
+    )
     world = world_class('simple_nav')
     names = [tuple(column.name for column in c) for c in (world.columns, world.action_columns)]
     GaussianPolicy(
@@ -113,6 +117,26 @@ MISTAKES = {
     'evaluate policy.npz --episodes 0': '0',
     'evaluate straight': 'a driver needs --world',
     'evaluate strait --world simple_nav': 'allowed are random, straight, expert',
+    'evaluate strait --world simple_nav --episodes 1': "did you mean 'straight'",
+    'evaluate careful': 'careful is a directory without a policy.npz',
+    'evaluate .': 'allowed is the policy file in it, policy.npz',
+    'drive simple_nave': "did you mean 'simple_nav'",
+    'drive simple_nav --driver exprt': "did you mean 'expert'",
+    'check rules.yaml -c careful': 'were the arguments swapped?',
+    'check policy.npz -c policy.npz': 'were the arguments swapped?',
+    'score careful rules.yaml': 'were the arguments swapped?',
+    'features check simple_nav careful': 'were the arguments swapped?',
+    'learn rules.yaml': 'but constraints (-c)',
+    'learn careful -m rules.yaml': 'is a constraints file (-c), not a feature map',
+    'learn map.yaml careful': 'but a feature map (-m)',
+    'show map.yaml': 'is a feature map (-m), not a constraints file',
+    'check careful -c map.yaml': 'is a feature map (-m), not a constraints file',
+    'record -a -o x': 'without any all are recorded',
+    'record --all': 'without any all are recorded',
+    'record --topics odom scan -o x': 'topics are given as arguments',
+    'experiment robots --data nowhere': "'nowhere' does not exist",
+    'experiment ngsim --data nowhere': "'nowhere' does not exist",
+    'experiment transfer --source PointGaol1': "did you mean 'PointGoal1'",
     'bench lop': "'lop' is not",
     'node': "Missing argument 'NAME'",
     'node monitr': "did you mean 'monitor'",
@@ -166,6 +190,7 @@ def test_mistakes_in_training(occ, files, line):
         ('torch', 'node constrained_learner', 'train'),
         ('torch', 'bench loop', 'train'),
         ('torch', 'bench train', 'train'),
+        ('gymnasium', 'bench highway', 'train'),
         ('rclpy', 'node monitor', 'ros'),
         ('sensor_msgs', 'node sim', 'ros'),
         ('rclpy', 'record -o x', 'ros'),
@@ -193,6 +218,29 @@ sys.exit(main({line.split()!r}))
     assert module in done.stderr
     assert f"pip install 'occ_constraints_pkg[{extra}]'" in done.stderr
     assert not (files / 'x').exists()
+
+
+@pytest.mark.parametrize(
+    'line',
+    [
+        'train PointGaol1 -o x',
+        'evaluate expert --world PointGaol1',
+        'evaluate exprt --world PointGoal1',
+        'drive CarPush1 --driver exprt',
+        'experiment transfer --source PointGaol1',
+        'experiment transfer --expert exprt',
+    ],
+)
+def test_an_unknown_world_or_driver_is_told_before_anything_heavy_is_imported(line):
+    code = f"""
+import sys
+from occ_constraints_pkg.cli import main
+code = main({line.split()!r})
+sys.exit(99 if {{'torch', 'mujoco', 'matplotlib'}} & set(sys.modules) else code)
+"""
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout, done.stderr.count('\n')) == (2, '', 1), done.stderr
+    assert 'did you mean' in done.stderr
 
 
 def test_from_a_bag_to_pruned_rules(occ, files):
@@ -327,8 +375,10 @@ def test_evaluate_prints_numbers(occ):
     code, out, _ = occ('evaluate policy.npz --episodes 3 --json')
     numbers = json.loads(out)
     assert (code, numbers['episodes']) == (0, 3)
+    assert '"episodes": 3,' in out
     code, out, _ = occ('evaluate policy.npz --episodes 3')
     assert code == 0
+    assert out.startswith('episodes: 3\n')
     assert f'cost: {numbers["cost"]:.3f}' in out
 
 

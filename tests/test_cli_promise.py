@@ -50,7 +50,7 @@ def test_safe_episodes_from_elsewhere_move_the_bounds(drives, run_occ):
 @pytest.mark.parametrize(
     ('options', 'sentence'),
     [
-        ('--false-alarm 0.05', 'false_alarm 0.05 needs 19 safe episodes to calibrate on, got 10'),
+        ('--false-alarm 0.05', 'of the 20 episodes given 10 can be held out'),
         ('--false-alarm 1.5', 'false_alarm is 1.5; allowed is a number above 0 and below 1'),
         ('--calibrate-on far.csv', 'no false_alarm to promise'),
     ],

@@ -11,6 +11,7 @@ from occ_constraints_pkg.documents import (
     dump_yaml,
     parse_document,
     parse_yaml,
+    read_json_object,
     read_text,
     validate,
 )
@@ -108,3 +109,20 @@ def test_sentence_names_line_key_value_and_what_is_allowed(schema, sentence):
 def test_text_that_looks_like_a_mark_of_yaml_comes_back():
     document = {'k': {'a': '?x', ':b': ':0'}, 'list': ['?x', ': y'], '? z': '?'}
     assert parse_yaml(dump_yaml(document), 'FILE') == document
+
+
+@pytest.mark.parametrize(
+    ('text', 'sentence'),
+    [
+        ('{"a": 1', 'cannot read FILE: Expecting'),
+        ('[1, 2]', 'cannot read FILE: it holds [1, 2]; allowed is a JSON object'),
+        ('{"a": ' * 100_000, 'cannot read FILE: it is nested too deeply'),
+        ('', 'cannot read FILE: Expecting value'),
+    ],
+)
+def test_json_that_is_no_object_is_refused(tmp_path, monkeypatch, text, sentence):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / 'FILE').write_text(text)
+    with pytest.raises(OccError) as error:
+        read_json_object('FILE')
+    assert str(error.value).startswith(sentence)

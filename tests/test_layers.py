@@ -21,7 +21,16 @@ ALLOWED = {
     'worlds': set(),
     'agents': {'rules', 'learning', 'bags', 'worlds'},
 }
-COMMON = {'archives', 'errors', 'documents', 'files', 'stopping', '__version__'}
+COMMON = {
+    'archives',
+    'documents',
+    'errors',
+    'files',
+    'stopping',
+    'terminal',
+    'wording',
+    '__version__',
+}
 ROS = {'rclpy', 'ament_index_python', 'launch', 'rosidl_runtime_py', 'rosbag2_py'}
 
 

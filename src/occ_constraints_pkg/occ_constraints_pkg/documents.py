@@ -42,6 +42,24 @@ def read_text(path: str | Path, limit: int = DOCUMENT_BYTES) -> str:
     return text.replace('\r\n', '\n').replace('\r', '\n')
 
 
+def read_json_object(path: str | Path) -> dict[str, Any]:
+    """Return the JSON object that a file holds.
+
+    Raises:
+        OccError: it cannot be read or holds something else.
+    """
+    try:
+        document = json.loads(read_text(path))
+        if isinstance(document, dict):
+            return document
+        problem = f'it holds {_show(document)}'
+    except RecursionError:
+        problem = 'it is nested too deeply'
+    except ValueError as error:
+        problem = str(error)
+    raise OccError(f'cannot read {path}: {problem}; allowed is a JSON object')
+
+
 def parse_document(text: str, schema: Mapping[str, Any], where: str) -> Any:
     """Parse YAML text and check it against ``schema``; errors name ``where`` and the line.
 

@@ -5,14 +5,19 @@
 from importlib import import_module
 from typing import Any
 
+from occ_constraints_pkg.terminal import printable
+
 # Top-level module -> the extra that brings it with pip. ROS packages have many more names, all
 # of which mean the extra 'ros'.
 _EXTRAS = {
     'torch': 'train',
     'mujoco': 'train',
+    'gymnasium': 'train',
+    'highway_env': 'train',
     'matplotlib': 'report',
     'jinja2': 'report',
     'sklearn': 'dev',
+    'pandas': 'dev',
     'rclpy': 'ros',
 }
 
@@ -21,8 +26,12 @@ class OccError(Exception):
     """A user's mistake or a faulty input, told in one sentence.
 
     The sentence says what is wrong, where (file, key, topic), what was found there and what is
-    allowed. The command line prints it without a traceback and exits with code 2.
+    allowed. The command line prints it without a traceback and exits with code 2. Control
+    characters of what was found are written out, so that it stays one line wherever it goes.
     """
+
+    def __str__(self) -> str:
+        return printable(super().__str__())
 
 
 def import_needed(what: str, module: str) -> Any:
@@ -38,14 +47,26 @@ def import_needed(what: str, module: str) -> Any:
     try:
         return import_module(module)
     except ModuleNotFoundError as error:
-        missing = (error.name or '').partition('.')[0]
-        is_ros = missing.endswith(('_msgs', '_srvs', '_interfaces'))
-        extra = _EXTRAS.get(missing, 'ros' if is_ros else '')
-        if not extra:
+        if (told := missing_extra(what, error)) is None:
             # The installation is damaged or the code wrong, which a user cannot mend.
             raise
-        hint = ', or source the ROS 2 setup file' if extra == 'ros' else ''
-        raise OccError(
-            f'{what} needs the module {missing!r}, which is not installed: '
-            f"pip install 'occ_constraints_pkg[{extra}]'{hint}"
-        ) from error
+        raise told from error
+
+
+def missing_extra(what: str, error: ImportError) -> OccError | None:
+    """Return the sentence that names the extra a missing module comes with; None if none has it.
+
+    Args:
+        what: who needs the module.
+        error: why it could not be imported.
+    """
+    missing = (error.name or '').partition('.')[0]
+    is_ros = missing.endswith(('_msgs', '_srvs', '_interfaces'))
+    extra = _EXTRAS.get(missing, 'ros' if is_ros else '')
+    if not (extra and isinstance(error, ModuleNotFoundError)):
+        return None
+    hint = ', or source the ROS 2 setup file' if extra == 'ros' else ''
+    return OccError(
+        f'{what} needs the module {missing!r}, which is not installed: '
+        f"pip install 'occ_constraints_pkg[{extra}]'{hint}"
+    )

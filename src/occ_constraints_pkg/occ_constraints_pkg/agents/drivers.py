@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from importlib import resources
+from importlib.resources.abc import Traversable
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from occ_constraints_pkg.agents.scripted import DRIVERS, Driver, make_driver
 from occ_constraints_pkg.documents import did_you_mean
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.worlds.base import World
+from occ_constraints_pkg.worlds.registry import check_world
 
 _EXPERTS = resources.files(__package__).joinpath('experts')
 # Worlds that differ from another one in nothing but their scenarios share its expert.
@@ -48,18 +50,36 @@ def find_driver(
     Raises:
         OccError: there is no such driver, or the policy belongs to another world.
     """
-    shipped = _EXPERTS.joinpath(f'{_EXPERT_OF.get(world.name, world.name)}.npz')
+    check_driver(world.name, name)
+    shipped = _expert_file(world.name)
     if name.endswith('.npz'):
         policy = GaussianPolicy.load(name)
     elif name == 'expert' and shipped.is_file():
         with resources.as_file(shipped) as path:
             policy = GaussianPolicy.load(path)
-    elif shipped.is_file() and name not in DRIVERS[world.name]:
-        raise OccError(
-            f'world {world.name} has no driver {name!r}; allowed are '
-            f'{", ".join((*DRIVERS[world.name], "expert"))} and a policy file (.npz)'
-        )
     else:
         return make_driver(world.name, name, rng)
     policy.check_world(world.columns, world.action_columns)
     return lambda observation: policy.act(observation, rng if explore else None)
+
+
+def check_driver(world: str, name: str) -> None:
+    """Refuse a name that is no driver's and no policy file's, before anything is built or read.
+
+    Raises:
+        OccError: there is no such driver or no such world.
+    """
+    check_world(world)
+    names = list(DRIVERS[world])
+    if 'expert' not in names and _expert_file(world).is_file():
+        names.append('expert')
+    if not (name.endswith('.npz') or name in names):
+        hint = did_you_mean(name, names) or ';'
+        raise OccError(
+            f'world {world} has no driver {name!r}{hint} allowed are {", ".join(names)} and a '
+            'policy file (.npz)'
+        )
+
+
+def _expert_file(world: str) -> Traversable:
+    return _EXPERTS.joinpath(f'{_EXPERT_OF.get(world, world)}.npz')

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import stdtrit
 
-from occ_constraints_pkg.agents.drivers import find_driver
+from occ_constraints_pkg.agents.drivers import check_driver, find_driver
 from occ_constraints_pkg.agents.rule_cost import RuleCost
 from occ_constraints_pkg.agents.training import CostSource, TrueCost
 from occ_constraints_pkg.errors import OccError
@@ -135,6 +135,7 @@ def evaluate_driver(
         OccError: ``episodes`` is below 1, there is no such driver, or policy or rules do not belong
             to the world.
     """
+    check_driver(world, name)
     simulated = make_world(world, max(1, min(episodes, _MOST_ROBOTS)))
     try:
         driver = find_driver(simulated, name, np.random.default_rng(seed), explore=explore)

@@ -9,9 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
+from occ_constraints_pkg.bags.concerns import concerns
 from occ_constraints_pkg.bags.dataset import Dataset
 from occ_constraints_pkg.bags.extract import extract
 from occ_constraints_pkg.bags.feature_map import FeatureMap
+from occ_constraints_pkg.bags.manifest import select
+from occ_constraints_pkg.bags.repeats import without_repeats
 from occ_constraints_pkg.bags.table_files import TABLE_ENDINGS, are_table_files, read_tables
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.learning.learn import learn
@@ -44,7 +47,8 @@ def learn_from_files(
         calibrate_on: recordings or tables of safe episodes for that promise, from which nothing
             is learned; none: held-out episodes of ``paths``.
         progress: called with (messages read, messages in all); not for tables.
-        warn: called with a sentence for each thing that is damaged, and for samples left out.
+        warn: called with a sentence for each thing that is damaged, for samples left out, and for
+            what is likely not meant, see :mod:`~occ_constraints_pkg.bags.concerns`.
 
     Raises:
         OccError: a file cannot be read or lacks a feature, no sample is usable, or there are too
@@ -53,9 +57,18 @@ def learn_from_files(
     if calibrate_on and false_alarm is None:
         raise OccError('there is something to calibrate on but no false_alarm to promise; give one')
     data, space = read_demonstrations(paths, feature_map, progress=progress)
+    data, repeats = without_repeats(data)
     safe, safe_episodes = None, None
     if calibrate_on:
         safe, _ = read_demonstrations(calibrate_on, feature_map, space, progress=progress)
+        # What was learned from proves nothing about fresh episodes.
+        safe, more = without_repeats(safe, data)
+        repeats += more
+        if not len(safe):
+            raise OccError(
+                f'{", ".join(map(str, calibrate_on))}: there is nothing to calibrate on that is '
+                'not learned from; allowed are other recordings or tables'
+            )
         safe_episodes = safe.values, safe.episodes
     constraints = learn(
         data.values,
@@ -70,9 +83,10 @@ def learn_from_files(
         bags=(*data.sources, *(() if safe is None else safe.sources)),
         origin=data.origin,
     )
-    _pass_on(data, constraints, warn)
-    for sentence in () if safe is None or warn is None else safe.warnings:
-        warn(sentence)
+    if warn is not None:
+        sentences = [*_damage(data, constraints), *repeats, *concerns(data, space, settings)]
+        for sentence in (*sentences, *(() if safe is None else safe.warnings)):
+            warn(sentence)
     return constraints
 
 
@@ -99,6 +113,8 @@ def read_demonstrations(
     if are_table_files(paths):
         return read_tables(paths, space if feature_map is None else feature_map.space)
     if feature_map is None:
+        # A feature map or constraints among the data are told as what they are.
+        select(paths)
         raise OccError(
             f'{paths[0]} is no table ({TABLE_ENDINGS}), and a recording needs a feature map: '
             '-m FILE or a name'
@@ -139,14 +155,13 @@ def read_for_rules(
     return extract(paths, feature_map, progress=progress, provenance=False)
 
 
-def _pass_on(data: Dataset, constraints: Constraints, warn: Callable[[str], None] | None) -> None:
-    """Tell what was damaged, and how many samples could not be used."""
+def _damage(data: Dataset, constraints: Constraints) -> list[str]:
+    """Return what was damaged, and how many samples could not be used."""
     unusable = constraints.learner['unusable_samples']
-    sentences = list(data.warnings)
-    if unusable:
-        sentences.append(
-            f'{unusable} of {len(data)} samples were left out: a value was missing, not finite '
-            'or outside its physical bounds'
-        )
-    for sentence in sentences if warn is not None else ():
-        warn(sentence)
+    if not unusable:
+        return list(data.warnings)
+    return [
+        *data.warnings,
+        f'{unusable} of {len(data)} samples were left out: a value was missing, not finite or '
+        'outside its physical bounds',
+    ]

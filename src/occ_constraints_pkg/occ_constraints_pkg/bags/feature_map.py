@@ -164,13 +164,21 @@ def load_feature_map(name_or_path: str | Path) -> FeatureMap:
         text = _MAPS.joinpath(f'{name}.yaml').read_text(encoding='utf-8')
     elif Path(name_or_path).is_file():
         text = read_text(name_or_path)
+    elif Path(name_or_path).is_dir():
+        raise OccError(
+            f'{name} is a directory, as recordings are, not a feature map; were the arguments '
+            'swapped?'
+        )
     else:
         hint = did_you_mean(name, BUILT_IN_MAPS) or ';'
         raise OccError(
             f'there is no feature map {name!r}{hint} allowed are a YAML file and the built-in '
             f'maps {", ".join(BUILT_IN_MAPS)}'
         )
-    return FeatureMap.from_document(parse_yaml(text, name), name, text=text)
+    document = parse_yaml(text, name)
+    if isinstance(document, dict) and 'rules' in document:
+        raise OccError(f'{name} is a constraints file (-c), not a feature map')
+    return FeatureMap.from_document(document, name, text=text)
 
 
 def map_of(constraints: Constraints, where: str) -> FeatureMap:

@@ -114,7 +114,7 @@ def load_manifest(path: str | Path) -> list[Selection]:
     if isinstance(document, dict) and {'features', 'rules'} & document.keys():
         raise OccError(
             f'{path} is not a recording, nor a manifest that lists some, but '
-            f'{"constraints" if "rules" in document else "a feature map"}'
+            + ('constraints (-c)' if 'rules' in document else 'a feature map (-m)')
         )
     validate(document, SCHEMA, str(path), text=text)
     return [

@@ -1,65 +1,101 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""The command ``occ``: one module for each group of commands."""
+"""The command ``occ``: one module for each group of commands.
+
+This module imports next to nothing itself: Ctrl-C and a damaged installation are to be answered in
+one line from the first moment, and importing the commands takes a good part of a second.
+"""
 
 from __future__ import annotations
 
+import os
 import signal
+import sys
 from collections.abc import Sequence
 
-import click
+from occ_constraints_pkg.terminal import printable
 
-import occ_constraints_pkg
-from occ_constraints_pkg.cli.demo_and_bench import bench, demo
-from occ_constraints_pkg.cli.drive import drive
-from occ_constraints_pkg.cli.experiments import experiment
-from occ_constraints_pkg.cli.export import export
-from occ_constraints_pkg.cli.features import features
-from occ_constraints_pkg.cli.importing import import_
-from occ_constraints_pkg.cli.learning import learn
-from occ_constraints_pkg.cli.nodes import node, play, record
-from occ_constraints_pkg.cli.rules import check, prune, score, show, simplify
-from occ_constraints_pkg.cli.training import evaluate, train
-from occ_constraints_pkg.errors import OccError
+_OLDEST_NUMPY = (1, 26)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run ``occ``; return 0 (done), 1 (problems were found) or 2 (bad input)."""
-    handler = signal.getsignal(signal.SIGTERM)
+    """Run ``occ``; return 0 (done), 1 (problems were found), 2 (bad input) or 130 (Ctrl-C)."""
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    # A program that was started with SIGINT ignored is to go on ignoring it.
+    is_interruptible = handlers[signal.SIGINT] is signal.default_int_handler
     try:
-        code = cli.main(args=None if argv is None else list(argv), standalone_mode=False)
-        return code if isinstance(code, int) else 0
-    except OccError as error:
-        click.echo(f'error: {error}', err=True)
+        if is_interruptible:
+            signal.signal(signal.SIGINT, _leave)
+        run = _load()
+        if is_interruptible:
+            signal.signal(signal.SIGINT, interrupt.on_signal)
+        return run(argv)
+    except _DamagedError as error:
+        print(f'error: {error}', file=sys.stderr)
         return 2
-    except click.ClickException as error:
-        context = getattr(error, 'ctx', None)
-        hint = f"; see '{context.command_path} --help'" if context else ''
-        click.echo(f'error: {error.format_message().rstrip(".")}{hint}', err=True)
-        return 2
-    except (click.Abort, KeyboardInterrupt):
-        click.echo('stopped', err=True)
-        return 130
-    except SystemExit:
-        # This is how click says that the reader of our output has gone, as in `occ show | head`.
-        return 0
     finally:
-        signal.signal(signal.SIGTERM, handler)
+        if argv is None and is_interruptible:
+            # All is done and told; Ctrl-C while the interpreter shuts down only makes noise.
+            handlers[signal.SIGINT] = signal.SIG_IGN
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
 
 
-@click.group(invoke_without_command=True, context_settings={'help_option_names': ['-h', '--help']})
-@click.version_option(occ_constraints_pkg.__version__)
-@click.pass_context
-def cli(context: click.Context) -> None:
-    """Learn a robot's safety constraints from demonstrations, monitor them, train within them."""
-    if context.invoked_subcommand is None:
-        click.echo(context.get_help())
+class _DamagedError(Exception):
+    """What cannot be imported, in one sentence."""
 
 
-for _command in (
-    *(features, learn, show, check, score, prune, simplify, export),
-    *(train, evaluate, drive),
-    *(node, record, play, import_),
-    *(demo, bench, experiment),
-):
-    cli.add_command(_command)
+class _Interrupt:
+    """Ctrl-C as an exception that is known again if a library turns it into another one."""
+
+    def __init__(self) -> None:
+        self.made = False
+
+    def on_signal(self, _number: int, _frame: object) -> None:
+        self.made = True
+        raise KeyboardInterrupt
+
+
+interrupt = _Interrupt()
+
+
+def _leave(_number: int, _frame: object) -> None:
+    # Nothing has been done that could be lost. An exception would run through the imports, where
+    # libraries print it or take it for a damaged installation.
+    os.write(2, b'stopped\n')
+    os._exit(130)
+
+
+def _load():
+    """Import the commands; return the function that runs one.
+
+    Raises:
+        _DamagedError: a package that every command needs is missing, damaged or too old.
+    """
+    try:
+        import numpy
+
+        version = numpy.__version__
+    # A damaged package fails in any way.
+    except Exception as error:
+        raise _DamagedError(damage('numpy', error)) from error
+    if tuple(int(part) for part in version.split('.')[:2]) < _OLDEST_NUMPY:
+        raise _DamagedError(
+            f'NumPy {version} is too old; needed is {".".join(map(str, _OLDEST_NUMPY))} or later: '
+            'pip install --upgrade numpy'
+        )
+    try:
+        from occ_constraints_pkg.cli.commands import run_command
+    except ImportError as error:
+        raise _DamagedError(damage(error.name or '', error)) from error
+    return run_command
+
+
+def damage(package: str, error: Exception) -> str:
+    """Return the sentence on a package that cannot be imported."""
+    package = package.partition('.')[0]
+    reason = next((line.strip() for line in str(error).splitlines() if line.strip()), '')
+    return printable(
+        f'the package {package} cannot be imported ({reason or type(error).__name__}); '
+        f'repair the installation: pip install --force-reinstall {package}'
+    )

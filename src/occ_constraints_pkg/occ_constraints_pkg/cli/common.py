@@ -6,15 +6,17 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, TextIO
 
 import click
 
 from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.terminal import printable
 
 FEATURE_MAP_HELP = 'Feature map: a YAML file, or a built-in name such as PointGoal1.'
 DATA = click.argument('paths', metavar='DATA...', nargs=-1, required=True, type=click.Path())
@@ -69,9 +71,57 @@ def needed_cost(data: Any, paths: tuple[str, ...]) -> Any:
     return data.true_cost
 
 
+def say(sentence: str) -> None:
+    """Print one line on stdout, whatever stands in the sentence.
+
+    Raises:
+        OccError: it cannot be written.
+    """
+    say_lines(printable(sentence))
+
+
+def say_lines(text: str, *, nl: bool = True) -> None:
+    """Print text of several lines on stdout; other control characters are written out.
+
+    When the reader has gone, as in ``occ check | head``, the rest is dropped: what the command
+    found is still told by its exit code.
+
+    Raises:
+        OccError: it cannot be written.
+    """
+    try:
+        click.echo(printable(text, keep_lines=True), nl=nl)
+    except BrokenPipeError:
+        discard(sys.stdout)
+    except OSError as error:
+        discard(sys.stdout)
+        raise OccError(f'cannot write to the standard output: {error.strerror}') from error
+
+
+def tell(sentence: str) -> None:
+    """Print one line on stderr, whatever stands in the sentence."""
+    try:
+        click.echo(printable(sentence), err=True)
+    except OSError:
+        # Nowhere is left to say it; the exit code stays what it is.
+        discard(sys.stderr)
+
+
+def discard(stream: TextIO) -> None:
+    """Send what is left in a stream nowhere, so that the end of the process does not fail on it."""
+    with open(os.devnull, 'wb') as nowhere:
+        os.dup2(nowhere.fileno(), stream.fileno())
+
+
+def help_without_command(context: click.Context) -> None:
+    """Print the help of a group that was given no command: it is a question, not a mistake."""
+    if context.invoked_subcommand is None:
+        say_lines(context.get_help())
+
+
 def warn(sentence: str) -> None:
     """Print a warning on stderr."""
-    click.echo(f'warning: {sentence}', err=True)
+    tell(f'warning: {sentence}')
 
 
 def checked_cost_limit(_context: Any, _parameter: Any, text: str) -> float | str:
@@ -107,7 +157,9 @@ def progress_bar(label: str, *, detail: bool = False) -> Iterator[Callable[..., 
 
 def print_json(value: Any) -> None:
     """Print plain values and NumPy numbers as JSON."""
-    click.echo(json.dumps(value, indent=2, allow_nan=False, default=_plain))
+    text = json.dumps(value, indent=2, allow_nan=False, default=_plain)
+    # All but this control character are written out already.
+    say_lines(text.replace('\x7f', '\\u007f'))
 
 
 def _plain(value: Any) -> Any:
@@ -117,6 +169,8 @@ def _plain(value: Any) -> Any:
     raise TypeError(f'cannot write {type(value).__name__} as JSON')
 
 
-def number(value: float) -> float | None:
-    """Return what JSON can hold of a number: None where it is not finite."""
+def number(value: float) -> float | int | None:
+    """Return what JSON can hold of a number: None where it is not finite; counts stay whole."""
+    if isinstance(value, int):
+        return value
     return float(value) if math.isfinite(value) else None

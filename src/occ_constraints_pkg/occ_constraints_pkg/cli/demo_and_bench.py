@@ -8,12 +8,7 @@ from pathlib import Path
 
 import click
 
-from occ_constraints_pkg.cli.common import (
-    JSON,
-    Seconds,
-    end_tidily,
-    print_json,
-)
+from occ_constraints_pkg.cli.common import JSON, Seconds, end_tidily, print_json, say
 from occ_constraints_pkg.errors import import_needed
 from occ_constraints_pkg.experiments.benchmarks import BENCHMARKS
 
@@ -59,4 +54,4 @@ def bench(name: str, seconds: float | None, as_json: bool) -> None:
         return
     for part in ('metrics', 'peers'):
         for key, value in result[part].items():
-            click.echo(f'{key}: {value:.4g}')
+            say(f'{key}: {value:.4g}')

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from occ_constraints_pkg.cli.common import JSON, print_json, progress_bar
+from occ_constraints_pkg.cli.common import JSON, print_json, progress_bar, say
 from occ_constraints_pkg.errors import OccError, import_needed
 from occ_constraints_pkg.files import check_outputs
 
@@ -60,9 +60,10 @@ def drive(
     """
     import numpy as np
 
-    from occ_constraints_pkg.agents.drivers import find_driver
+    from occ_constraints_pkg.agents.drivers import check_driver, find_driver
     from occ_constraints_pkg.worlds.registry import make_world
 
+    check_driver(world, driver)
     on_highway = world.startswith('highway')
     if on_highway and steps is not None:
         raise OccError(f'--steps is not for world {world}; allowed is a whole episode')
@@ -118,7 +119,7 @@ def _tell(output: str, numbers: dict[str, float], as_json: bool) -> None:
     if as_json:
         print_json({'output': output, **numbers})
         return
-    click.echo(
+    say(
         f'{output}: {numbers["steps"]} steps, return {numbers["return"]:.2f}, '
         f'cost {numbers["cost"]:.0f}'
     )

@@ -15,9 +15,13 @@ from occ_constraints_pkg.cli.common import (
     FEATURE_MAP_HELP,
     JSON,
     checked_cost_limit,
+    help_without_command,
     needed_cost,
     print_json,
     progress_bar,
+    say,
+    say_lines,
+    tell,
 )
 from occ_constraints_pkg.cli.recorded_experiments import ngsim, robots, warnings, worlds
 from occ_constraints_pkg.cli.tree_options import seed_option, tree_options, tree_settings
@@ -26,13 +30,15 @@ from occ_constraints_pkg.files import RESULTS, TABLE, make_directory, write_text
 from occ_constraints_pkg.stopping import stop_request
 
 
-@click.group()
-def experiment() -> None:
+@click.group(invoke_without_command=True)
+@click.pass_context
+def experiment(context: click.Context) -> None:
     """Repeat published experiments, or compare settings on data of your own.
 
     \b
     Example: occ experiment article --set Iris
     """
+    help_without_command(context)
 
 
 for _command in (robots, ngsim, worlds, warnings):
@@ -45,7 +51,7 @@ for _command in (robots, ngsim, worlds, warnings):
 @click.option('--seed', default=0, show_default=True)
 @click.option(
     '--data',
-    type=click.Path(),
+    type=click.Path(exists=True, file_okay=False),
     help='Folder of the CSV files; default: oneclass in OCC_TEST_DATA or in ../shared/data.',
 )
 @click.option('--set', 'sets', multiple=True, help='Run only this data set; may be repeated.')
@@ -71,11 +77,11 @@ def article(
             progress=progress,
         )
     for reason in result['skipped'].values():
-        click.echo(f'skipped: {reason}', err=True)
+        tell(f'skipped: {reason}')
     if as_json:
         print_json(result)
         return
-    click.echo((Path(output) / 'article.md').read_text(encoding='utf-8'))
+    say_lines((Path(output) / 'article.md').read_text(encoding='utf-8'))
 
 
 @experiment.command()
@@ -136,7 +142,7 @@ def highway(
     if as_json:
         print_json(result)
     elif result['lines']:
-        click.echo((Path(output) / 'highway.md').read_text(encoding='utf-8'))
+        say_lines((Path(output) / 'highway.md').read_text(encoding='utf-8'))
     if stop_request.made:
         # All is saved; told and ended as any other stopped command.
         raise KeyboardInterrupt
@@ -174,7 +180,7 @@ def truth(
     if as_json:
         print_json(result)
         return
-    click.echo((Path(output) / 'truth.md').read_text(encoding='utf-8'))
+    say_lines((Path(output) / 'truth.md').read_text(encoding='utf-8'))
 
 
 @experiment.command()
@@ -208,7 +214,7 @@ def alarms(output: str, as_json: bool, **given: Any) -> None:
     if as_json:
         print_json(result)
         return
-    click.echo(table)
+    say_lines(table)
 
 
 @experiment.command()
@@ -278,8 +284,8 @@ def depth(
     if as_json:
         print_json(document)
         return
-    click.echo(describe_depths(results))
-    click.echo(f'Written to {folder / "depth.json"} and {folder / "depth.png"}')
+    say_lines(describe_depths(results))
+    say(f'Written to {folder / "depth.json"} and {folder / "depth.png"}')
 
 
 @experiment.command()
@@ -311,8 +317,13 @@ def transfer(output: str, as_json: bool, **given: Any) -> None:
     \b
     Example: occ experiment transfer --expert runs/expert/policy.npz -o results/transfer
     """
-    module = import_needed('occ experiment', 'occ_constraints_pkg.experiments.transfer')
     given['target'] = given['target'] or given['source']
+    from occ_constraints_pkg.agents.drivers import check_driver
+    from occ_constraints_pkg.worlds.registry import check_world
+
+    check_world(given['target'])
+    check_driver(given['source'], given['expert'])
+    module = import_needed('occ experiment', 'occ_constraints_pkg.experiments.transfer')
     settings = module.TransferSettings(**given)
     total = settings.steps * settings.seeds
     with progress_bar('training', detail=True) as progress:
@@ -326,7 +337,7 @@ def transfer(output: str, as_json: bool, **given: Any) -> None:
         return
     for name in ('expert', 'trained_mean'):
         line = result[name]
-        click.echo(
+        say(
             f'{name.replace("_", " ")}: return {line["return"]:.2f}, true cost {line["cost"]:.2f}, '
             f'learned cost {line["learned_cost"]:.2f}'
         )

@@ -6,14 +6,18 @@ from __future__ import annotations
 
 import click
 
+from occ_constraints_pkg.cli.common import help_without_command, say, say_lines
 
-@click.group()
-def export() -> None:
+
+@click.group(invoke_without_command=True)
+@click.pass_context
+def export(context: click.Context) -> None:
     """Write rules in a form that other programs use without this package.
 
     \b
     Example: occ export c constraints.yaml -o rules.h
     """
+    help_without_command(context)
 
 
 @export.command()
@@ -36,7 +40,7 @@ def c(constraints: str, output: str | None, prefix: str) -> None:
         check_outputs({output: C_HEADER}, [constraints])
     text = export_c(load_constraints(constraints).rule_set, prefix)
     if output is None:
-        click.echo(text, nl=False)
+        say_lines(text, nl=False)
         return
     write_text(output, C_HEADER, text)
-    click.echo(f'Written to {output}')
+    say(f'Written to {output}')

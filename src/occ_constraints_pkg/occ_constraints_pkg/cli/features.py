@@ -10,21 +10,27 @@ import click
 
 from occ_constraints_pkg.cli.common import (
     JSON,
+    help_without_command,
     print_json,
     progress_bar,
+    say,
+    say_lines,
     warn,
 )
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.files import FEATURE_MAP, write_text
+from occ_constraints_pkg.wording import count_of
 
 
-@click.group()
-def features() -> None:
+@click.group(invoke_without_command=True)
+@click.pass_context
+def features(context: click.Context) -> None:
     """Suggest a feature map for a recording, or see what one yields.
 
     \b
     Example: occ features suggest bags/drive_1 -o my_robot.yaml
     """
+    help_without_command(context)
 
 
 @features.command()
@@ -70,9 +76,9 @@ def suggest(bag: str, output: str | None, as_json: bool) -> None:
             }
         )
     elif output:
-        click.echo(f'{len(suggestion.seen.features)} features; written to {output}')
+        say(f'{count_of(len(suggestion.seen.features), "feature")}; written to {output}')
     else:
-        click.echo(text, nl=False)
+        say_lines(text, nl=False)
 
 
 @features.command()
@@ -103,5 +109,5 @@ def check(bag: str, map_name: str, as_json: bool) -> int:
         print_json(yield_document(seen))
     else:
         pace = feature_map.pace or f'a rate of {feature_map.rate:g} Hz'
-        click.echo(describe_yield(seen, bag, pace))
+        say_lines(describe_yield(seen, bag, pace))
     return 1 if seen.has_problem else 0

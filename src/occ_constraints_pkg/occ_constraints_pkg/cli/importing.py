@@ -9,7 +9,7 @@ from dataclasses import asdict
 import click
 
 from occ_constraints_pkg.bags.importers.formats import FORMATS
-from occ_constraints_pkg.cli.common import JSON, end_tidily, print_json, progress_bar, warn
+from occ_constraints_pkg.cli.common import JSON, end_tidily, print_json, progress_bar, say, warn
 
 
 @click.command(
@@ -45,8 +45,8 @@ def import_(format_name: str, path: str, output: str, keep_gaps: bool, as_json: 
         print_json({'output': output, 'format': format_name, **asdict(result)})
         return
     drives = '1 drive' if result.drives == 1 else f'{result.drives} drives'
-    click.echo(
+    say(
         f'{output}: {drives}, {result.rows} rows, {result.seconds:.1f} s; '
         f'features {", ".join(result.features)}'
     )
-    click.echo(f'Learn from it with: occ learn {output} -m {result.feature_map}')
+    say(f'Learn from it with: occ learn {output} -m {result.feature_map}')

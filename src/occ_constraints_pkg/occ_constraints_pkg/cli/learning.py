@@ -15,11 +15,14 @@ from occ_constraints_pkg.cli.common import (
     OVERWRITE,
     print_json,
     progress_bar,
+    say,
+    say_lines,
     warn,
 )
 from occ_constraints_pkg.cli.tree_options import seed_option, tree_options, tree_settings
 from occ_constraints_pkg.files import CONSTRAINTS, check_outputs
 from occ_constraints_pkg.report.rules import describe_promise, describe_rules
+from occ_constraints_pkg.wording import count_of
 
 
 @click.command()
@@ -70,6 +73,7 @@ def learn(
 
     settings = tree_settings(**tree)
     check_outputs({output: CONSTRAINTS}, [*paths, *calibrate_on, *([map_name] if map_name else [])])
+    warnings: list[str] = []
     with progress_bar('reading') as progress:
         constraints = learn_from_files(
             paths,
@@ -79,7 +83,7 @@ def learn(
             false_alarm=false_alarm,
             calibrate_on=calibrate_on,
             progress=progress,
-            warn=warn,
+            warn=warnings.append,
         )
     save_learned(constraints, output, overwrite=overwrite)
     coverage = constraints.coverage
@@ -88,7 +92,9 @@ def learn(
     extracted_rules = constraints.learner['extracted_rules']
     extracted_literals = constraints.learner['extracted_literals']
     if calibration and calibration['vanished']:
-        warn(loss_words(calibration))
+        warnings.append(loss_words(calibration))
+    for sentence in warnings:
+        warn(sentence)
     if as_json:
         print_json(
             {
@@ -99,27 +105,29 @@ def learn(
                 'extracted_literals': extracted_literals,
                 **coverage,
                 **({'calibration': calibration} if calibration else {}),
+                'warnings': warnings,
             }
         )
         return
-    click.echo(describe_rules(constraints))
-    before = f'{extracted_rules} rules with {extracted_literals} literals'
+    say_lines(describe_rules(constraints))
+    before = f'{count_of(extracted_rules, "rule")} with {count_of(extracted_literals, "literal")}'
+    say('')
     if settings.full_conditions:
-        click.echo(f'\n{before}, not simplified')
+        say(f'{before}, not simplified')
     elif (rules, literals) == (extracted_rules, extracted_literals):
-        click.echo(f'\n{before}; there was nothing to simplify')
+        say(f'{before}; there was nothing to simplify')
     else:
-        click.echo(f'\nSimplified from {before} to {rules} with {literals}')
-    click.echo(
+        say(f'Simplified from {before} to {rules} with {literals}')
+    say(
         f'Inside the safe set: {coverage["training"]:.2%} of '
-        f'{coverage["training_samples"]} training samples'
+        f'{count_of(coverage["training_samples"], "training sample")}'
         + (
             ''
             if coverage['held_out'] is None
             else f', {coverage["held_out"]:.2%} of {coverage["held_out_samples"]} samples of '
-            f'{coverage["held_out_episodes"]} held-out episodes'
+            f'{count_of(coverage["held_out_episodes"], "held-out episode")}'
         )
     )
     if calibration:
-        click.echo(describe_promise(constraints))
-    click.echo(f'Written to {output}')
+        say(describe_promise(constraints))
+    say(f'Written to {output}')

@@ -44,8 +44,29 @@ def _choice_of_topics(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
+def _is_default(context: click.Context, _parameter: Any, given: object) -> None:
+    if given:
+        raise click.UsageError(
+            'topics are given as arguments, as in occ record odom scan -o bag, and without any '
+            'all are recorded: -a, --all and --topics are not needed',
+            context,
+        )
+
+
 @click.command()
 @click.argument('topics', nargs=-1)
+# Habits of other recorders: eager, so that they are told of before what else is missing.
+@click.option(
+    *('-a', '--all', '--all-topics', 'everything'),
+    is_flag=True,
+    is_eager=True,
+    hidden=True,
+    expose_value=False,
+    callback=_is_default,
+)
+@click.option(
+    *('--topics', 'named'), is_eager=True, hidden=True, expose_value=False, callback=_is_default
+)
 @click.option('-o', '--output', required=True, type=click.Path(), help='Directory of the new bag.')
 @_choice_of_topics
 @click.option('--compression', default='zstd', show_default=True, help='zstd, lz4 or none.')

@@ -9,11 +9,7 @@ from pathlib import Path
 
 import click
 
-from occ_constraints_pkg.cli.common import (
-    JSON,
-    print_json,
-    progress_bar,
-)
+from occ_constraints_pkg.cli.common import JSON, print_json, progress_bar, say_lines, tell
 from occ_constraints_pkg.errors import import_needed
 from occ_constraints_pkg.files import RESULTS, TABLE, write_text
 
@@ -22,7 +18,7 @@ from occ_constraints_pkg.files import RESULTS, TABLE, write_text
 @click.option('-o', '--output', default='results', show_default=True, type=click.Path())
 @click.option(
     '--data',
-    type=click.Path(),
+    type=click.Path(exists=True, file_okay=False),
     help='Folder of the recordings; default: robots in OCC_TEST_DATA or in ../shared/data.',
 )
 @click.option('--kind', 'kinds', multiple=True, help='Only this kind of robot; may be repeated.')
@@ -48,14 +44,14 @@ def robots(output: str, data: str | None, kinds: tuple[str, ...], as_json: bool)
     if as_json:
         print_json(result)
         return
-    click.echo((Path(output) / 'robots.md').read_text(encoding='utf-8'))
+    say_lines((Path(output) / 'robots.md').read_text(encoding='utf-8'))
 
 
 @click.command()
 @click.option('-o', '--output', default='results', show_default=True, type=click.Path())
 @click.option(
     '--data',
-    type=click.Path(),
+    type=click.Path(exists=True, file_okay=False),
     help='Folder of ngsim_us101 and ngsim_i80; default: driving in OCC_TEST_DATA or in '
     '../shared/data.',
 )
@@ -76,7 +72,7 @@ def ngsim(output: str, data: str | None, seeds: int, as_json: bool) -> None:
     if as_json:
         print_json(result)
         return
-    click.echo((Path(output) / 'ngsim.md').read_text(encoding='utf-8'))
+    say_lines((Path(output) / 'ngsim.md').read_text(encoding='utf-8'))
 
 
 @click.command()
@@ -86,7 +82,7 @@ def ngsim(output: str, data: str | None, seeds: int, as_json: bool) -> None:
 )
 @click.option(
     '--data',
-    type=click.Path(),
+    type=click.Path(exists=True, file_okay=False),
     help='Folder of the records; default: safety_gym_traces in OCC_TEST_DATA or ../shared/data.',
 )
 @JSON
@@ -102,7 +98,7 @@ def worlds(output: str, episodes: int, data: str | None, as_json: bool) -> None:
             episodes=episodes, folder=Path(data) if data else None, progress=progress
         )
     for reason in result['skipped'].values():
-        click.echo(f'skipped: {reason}', err=True)
+        tell(f'skipped: {reason}')
     table = module.markdown(result)
     document = json.dumps(result, indent=2) + '\n'
     for name, kind, text in (('worlds.json', RESULTS, document), ('worlds.md', TABLE, table)):
@@ -110,14 +106,14 @@ def worlds(output: str, episodes: int, data: str | None, as_json: bool) -> None:
     if as_json:
         print_json(result)
         return
-    click.echo(table)
+    say_lines(table)
 
 
 @click.command()
 @click.option('-o', '--output', default='results', show_default=True, type=click.Path())
 @click.option(
     '--data',
-    type=click.Path(),
+    type=click.Path(exists=True, file_okay=False),
     help='Folder of the recordings; default: robots in OCC_TEST_DATA or in ../shared/data.',
 )
 @click.option(
@@ -151,4 +147,4 @@ def warnings(
     if as_json:
         print_json(result)
         return
-    click.echo((Path(output) / 'warnings.md').read_text(encoding='utf-8'))
+    say_lines((Path(output) / 'warnings.md').read_text(encoding='utf-8'))

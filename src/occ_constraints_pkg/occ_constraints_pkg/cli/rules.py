@@ -19,6 +19,8 @@ from occ_constraints_pkg.cli.common import (
     print_json,
     progress_bar,
     read_data,
+    say,
+    say_lines,
     warn,
 )
 from occ_constraints_pkg.errors import OccError, import_needed
@@ -27,6 +29,7 @@ from occ_constraints_pkg.report.evidence import describe_why, why_document
 from occ_constraints_pkg.report.rules import describe_promise, describe_rules
 from occ_constraints_pkg.report.traffic import rule_rows, rules_table
 from occ_constraints_pkg.rules.forecast import WINDOW_SECONDS
+from occ_constraints_pkg.wording import count_of
 
 
 @click.command()
@@ -54,13 +57,13 @@ def show(constraints: str, why: str | None, traffic: bool, as_json: bool) -> Non
         if as_json:
             print_json(document)
         else:
-            click.echo(describe_why(document))
+            say_lines(describe_why(document))
         return
     if traffic:
         if as_json:
             print_json({'rules': rule_rows(rule_set.rules, rule_set.space)})
         else:
-            click.echo(rules_table(rule_set.rules, rule_set.space))
+            say_lines(rules_table(rule_set.rules, rule_set.space))
         return
     if as_json:
         document = rules_document(rule_set)
@@ -69,10 +72,11 @@ def show(constraints: str, why: str | None, traffic: bool, as_json: bool) -> Non
         calibration = loaded.learner.get('calibration')
         print_json({**document, 'edited': loaded.is_edited, 'calibration': calibration})
         return
-    click.echo(describe_rules(loaded, counters=True))
+    say_lines(describe_rules(loaded, counters=True))
     promise = describe_promise(loaded)
     if promise:
-        click.echo(f'\n{promise}')
+        say('')
+        say(promise)
 
 
 @click.command()
@@ -196,9 +200,9 @@ def check(
             }
         )
     else:
-        click.echo(describe_timeline(timeline, rule_set))
+        say_lines(describe_timeline(timeline, rule_set))
         if record:
-            click.echo(describe_warnings(record))
+            say_lines(describe_warnings(record))
     return 0 if is_safe else 1
 
 
@@ -226,7 +230,7 @@ def score(constraints: str, paths: tuple[str, ...], min_f1: float | None, as_jso
     if as_json:
         print_json(score_document(result, loaded.rule_set.space))
     else:
-        click.echo(describe_score(result, loaded.rule_set.space))
+        say_lines(describe_score(result, loaded.rule_set.space))
     # Without flagged and costly samples there is no F1, which is not enough either.
     return 0 if min_f1 is None or result.overall.f1 >= min_f1 else 1
 
@@ -285,8 +289,8 @@ def prune(
             }
         )
         return
-    click.echo(describe_rules(pruned, counters=True))
-    click.echo(f'{len(result.pruned)} rules disabled; written to {target}')
+    say_lines(describe_rules(pruned, counters=True))
+    say(f'{count_of(len(result.pruned), "rule")} disabled; written to {target}')
 
 
 @click.command()
@@ -331,16 +335,17 @@ def simplify(
             }
         )
         return
-    click.echo(describe_rules(simpler))
-    click.echo()
+    say_lines(describe_rules(simpler))
+    say('')
     for name, former in result.changed.items():
-        click.echo(f'{name} stands for {", ".join(former)}')
+        say(f'{name} stands for {", ".join(former)}')
     if result.removed:
-        click.echo(f'needed no more: {", ".join(result.removed)}')
+        say(f'needed no more: {", ".join(result.removed)}')
     if result.kept:
-        click.echo(f'left alone for their note or counters: {", ".join(result.kept)}')
-    click.echo(
-        '{} rules with {} literals before, '.format(*result.before)
+        say(f'left alone for their note or counters: {", ".join(result.kept)}')
+    say(
+        f'{count_of(result.before[0], "rule")} with '
+        f'{count_of(result.before[1], "literal")} before, '
         + '{} with {} after; '.format(*result.after)
         + f'written to {target}'
     )

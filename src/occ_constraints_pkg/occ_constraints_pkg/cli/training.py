@@ -16,9 +16,12 @@ from occ_constraints_pkg.cli.common import (
     number,
     print_json,
     progress_bar,
+    say,
+    tell,
 )
 from occ_constraints_pkg.errors import OccError, import_needed
 from occ_constraints_pkg.stopping import parent_is_gone, stop_request
+from occ_constraints_pkg.worlds.registry import check_world
 
 
 def _seeds(_context: Any, _parameter: Any, text: str | None) -> range | None:
@@ -36,7 +39,7 @@ def _learner(_context: Any, _parameter: Any, texts: tuple[str, ...]) -> dict[str
         name, _, value = text.partition('=')
         try:
             chosen[name] = json.loads(value)
-        except ValueError:
+        except (ValueError, RecursionError):
             raise click.BadParameter(
                 f'got {text!r}; allowed is NAME=VALUE, as in actor_lr=5e-4'
             ) from None
@@ -127,6 +130,7 @@ def train(
     \b
     Example: occ train PointGoal1 --cost constraints.yaml --steps 1000000 -o runs/mine
     """
+    check_world(world)
     run = import_needed('occ train', 'occ_constraints_pkg.agents.run')
     import_needed('occ train', 'occ_constraints_pkg.agents.ppo_lagrangian')
     settings = run.RunSettings(
@@ -156,16 +160,16 @@ def _train_one(run: Any, settings: Any, output: Path, resume: bool, as_json: boo
                 f'multiplier {metrics.multiplier:.2f} {metrics.steps_per_s:.0f} steps/s',
             ),
             is_stopped=lambda: stop_request.made or parent_is_gone(),
-            say=lambda sentence: click.echo(sentence, err=True),
+            say=tell,
         )
     if not result.history:
-        click.echo('stopped before the first update; nothing was learned', err=True)
+        tell('stopped before the first update; nothing was learned')
         return
     _draw_curves(output, [result.history], result.cost_limit, settings.cost)
     if as_json:
         print_json({'output': str(output), 'cost_limit': result.cost_limit, **result.history[-1]})
     else:
-        click.echo(f'policy, checkpoint and metrics are in {output}')
+        say(f'policy, checkpoint and metrics are in {output}')
 
 
 def _train_several(
@@ -188,18 +192,18 @@ def _train_several(
         directories = train_seeds(arguments, seeds, output, progress=show)
     summary, histories = seeds_summary(directories)
     if not histories:
-        click.echo('stopped before the first update of any seed; nothing was learned', err=True)
+        tell('stopped before the first update of any seed; nothing was learned')
         return
     _draw_curves(output, histories, limit, settings.cost)
     if as_json:
         print_json({'output': str(output), 'cost_limit': limit, **summary})
         return
     for line in summary['seeds']:
-        click.echo(
+        say(
             f'{line["directory"]}: {line["steps"]} steps, return {line["return"]:.2f}, '
             f'cost {line["cost"]:.2f}'
         )
-    click.echo(
+    say(
         f'mean of {len(histories)}: return {_interval(summary, "return")}, '
         f'cost {_interval(summary, "cost")} (95 % intervals over seeds; during training)'
     )
@@ -209,7 +213,7 @@ def _draw_curves(output: Path, histories: list, limit: float, cost: str) -> None
     try:
         from occ_constraints_pkg.report.curves import draw_training
     except ModuleNotFoundError:
-        click.echo("no curves.png: it needs the extra 'report'", err=True)
+        tell("no curves.png: it needs the extra 'report'")
         return
     draw_training(
         output / 'curves.png',
@@ -277,18 +281,31 @@ def evaluate(
         if as_json:
             numbers = {'policies': named, **numbers}
         for line in named if not as_json else ():
-            click.echo(f'{line["policy"]}: return {line["return"]:.3f}, cost {line["cost"]:.3f}')
+            say(f'{line["policy"]}: return {line["return"]:.3f}, cost {line["cost"]:.3f}')
     if as_json:
         print_json(numbers)
         return
     for name, value in numbers.items():
-        click.echo(f'{name}: {"not known" if value is None else format(value, ".3f")}')
+        say(f'{name}: {_written(value)}')
+
+
+def _written(value: float | None) -> str:
+    if value is None:
+        return 'not known'
+    return str(value) if isinstance(value, int) else f'{value:.3f}'
 
 
 def _world_of(policy: str) -> str:
     """Return the world that a policy file was trained in."""
     from occ_constraints_pkg.agents.policy import GaussianPolicy
 
+    if Path(policy).is_dir():
+        inside = Path(policy, 'policy.npz')
+        raise OccError(
+            f'{policy} is a directory; allowed is the policy file in it, {inside}'
+            if inside.is_file()
+            else f'{policy} is a directory without a policy.npz; allowed is a policy file (.npz)'
+        )
     if not policy.endswith('.npz'):
         raise OccError(f'{policy!r} is no policy file (.npz), and a driver needs --world')
     return GaussianPolicy.load(policy).world

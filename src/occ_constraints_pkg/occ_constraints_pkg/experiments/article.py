@@ -40,7 +40,12 @@ from occ_constraints_pkg.experiments.article_data import (
     load_benchmark,
 )
 from occ_constraints_pkg.experiments.article_printed import METHODS, NOISE_LEVELS, markdown
-from occ_constraints_pkg.experiments.conditions import data_folder, machine, versions
+from occ_constraints_pkg.experiments.conditions import (
+    data_folder,
+    earlier_results,
+    machine,
+    versions,
+)
 from occ_constraints_pkg.files import RESULTS, TABLE, make_directory, write_text
 from occ_constraints_pkg.learning.octree import fit_tree, oversteps
 from occ_constraints_pkg.learning.settings import OCTreeSettings
@@ -105,11 +110,11 @@ def run_article(
         },
     }
     file = output / 'article.json'
-    old = json.loads(file.read_text(encoding='utf-8')) if file.exists() else {}
+    old = earlier_results(file)
     if old and old['settings'] != settings:
         raise OccError(
-            f'{file} holds results of other settings (seed {old["settings"]["seed"]}, '
-            f'{old["settings"]["splits"]} splits); allowed is the same or another directory'
+            f'{file} holds results of other settings (seed {old["settings"].get("seed")}, '
+            f'{old["settings"].get("splits")} splits); allowed is the same or another directory'
         )
     make_directory(output)
     cells, skipped = old.get('cells', {}), {}

@@ -11,6 +11,9 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from occ_constraints_pkg.documents import read_json_object
+from occ_constraints_pkg.errors import OccError
+
 
 def machine() -> dict[str, Any]:
     """Describe the machine as far as it matters for speed."""
@@ -32,3 +35,17 @@ def versions(packages: Iterable[str]) -> dict[str, str]:
 def data_folder(name: str) -> Path:
     """Return where data of others is looked for: in OCC_TEST_DATA or beside the project."""
     return Path(os.environ.get('OCC_TEST_DATA', '../shared/data')) / name
+
+
+def earlier_results(file: Path) -> dict[str, Any]:
+    """Return what an earlier run of an experiment wrote; empty if there was none.
+
+    Raises:
+        OccError: the file is none of an experiment.
+    """
+    if not file.exists():
+        return {}
+    document = read_json_object(file)
+    if not isinstance(document.get('settings'), dict):
+        raise OccError(f'{file} holds no results of an experiment; allowed is another directory')
+    return document

@@ -25,6 +25,7 @@ from occ_constraints_pkg.agents.training import (
     train,
 )
 from occ_constraints_pkg.bags.feature_map import load_feature_map
+from occ_constraints_pkg.documents import read_json_object
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.experiments.conditions import machine, versions
 from occ_constraints_pkg.experiments.highway_agents import OUTCOMES, CountedHighway, LastingRuleCost
@@ -290,7 +291,7 @@ def _judged(
     """Return how a trained policy does; what a file tells of it, if it was trained as long."""
     file = folder / 'judged.json'
     if file.exists():
-        found = json.loads(file.read_text(encoding='utf-8'))
+        found = read_json_object(file)
         if found.pop('steps', None) == settings.steps:
             return found
     result: dict[str, Any] = judge(folder / 'policy.npz', scenarios, settings.episodes)

@@ -24,7 +24,7 @@ from occ_constraints_pkg.agents.drivers import find_driver
 from occ_constraints_pkg.agents.scripted import DRIVERS, Driver
 from occ_constraints_pkg.bags.feature_map import FeatureMap, load_feature_map
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.experiments.conditions import machine, versions
+from occ_constraints_pkg.experiments.conditions import earlier_results, machine, versions
 from occ_constraints_pkg.experiments.states import drive_states
 from occ_constraints_pkg.files import RESULTS, TABLE, make_directory, write_text
 from occ_constraints_pkg.learning.learn import learn
@@ -93,7 +93,7 @@ def run_truth(
         )
     settings = {'format': _FORMAT, 'draws': draws, 'seed': seed, 'mixed': LEVELS['mixed']}
     file = output / 'truth.json'
-    old = json.loads(file.read_text(encoding='utf-8')) if file.exists() else {}
+    old = earlier_results(file)
     if old and old['settings'] != settings:
         raise OccError(
             f'{file} holds results of other settings ({old["settings"]}); allowed is the same or '

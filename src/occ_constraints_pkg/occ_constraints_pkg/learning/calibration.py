@@ -124,7 +124,7 @@ def calibrate(
         raise OccError(
             f'false_alarm {false_alarm:g} needs {needed} safe episodes to calibrate on, got '
             f'{count}; allowed with so many is '
-            + (f'{_least(count)} or more' if count else 'none: give more episodes')
+            + (f'{least_false_alarm(count)} or more' if count else 'none: give more episodes')
         )
     rank = math.ceil((count + 1) * (1 - _exact(false_alarm)))
     scores = np.zeros(count)
@@ -165,7 +165,7 @@ def _exact(false_alarm: float) -> Fraction:
     return Fraction(repr(float(false_alarm)))
 
 
-def _least(count: int) -> str:
+def least_false_alarm(count: int) -> str:
     """Return the smallest probability that so many episodes allow, rounded up to four digits."""
     return f'{math.ceil(10_000 / (count + 1)) / 10_000:g}'
 

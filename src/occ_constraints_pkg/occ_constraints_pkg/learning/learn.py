@@ -12,10 +12,12 @@ from typing import Any
 import numpy as np
 
 import occ_constraints_pkg
+from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.learning.calibration import (
     SafeSet,
     calibrate,
     episodes_needed,
+    least_false_alarm,
     space_limits,
 )
 from occ_constraints_pkg.learning.evidence import (
@@ -24,7 +26,13 @@ from occ_constraints_pkg.learning.evidence import (
     gather_evidence,
 )
 from occ_constraints_pkg.learning.safe_set import fit_safe_set
-from occ_constraints_pkg.learning.samples import divide_samples, families, is_usable
+from occ_constraints_pkg.learning.samples import (
+    LEAST_EPISODES_TO_HOLD_OUT,
+    Samples,
+    divide_samples,
+    families,
+    is_usable,
+)
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.learning.simplification import Simplification, extract_and_simplify
 from occ_constraints_pkg.learning.tree import Node
@@ -32,6 +40,7 @@ from occ_constraints_pkg.rules.constraints_file import Constraints
 from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.rules.space import FeatureSpace
 from occ_constraints_pkg.rules.verdict import Verdict
+from occ_constraints_pkg.wording import count_of
 
 
 def learn(
@@ -78,15 +87,14 @@ def learn(
             episodes for the stated probability.
     """
     settings = settings if settings is not None else OCTreeSettings()
+    needed = 0 if false_alarm is None or safe_episodes is not None else episodes_needed(false_alarm)
     samples = divide_samples(
         values,
         episodes,
         space,
         rng=rng,
         held_out_share=held_out_share,
-        hold_out_least=(
-            0 if false_alarm is None or safe_episodes is not None else episodes_needed(false_alarm)
-        ),
+        hold_out_least=needed,
     )
     training = samples.training
     tree = grow(training, space, settings, progress=progress)
@@ -97,6 +105,7 @@ def learn(
     calibration: dict[str, Any] = {}
     if false_alarm is not None:
         if safe_episodes is None:
+            _check_enough(false_alarm, needed, samples)
             safe_episodes = samples.held_out, samples.held_out_names
         tree, formula, calibration = _calibrated(
             tree, formula, safe_episodes, false_alarm, settings.full_conditions
@@ -142,6 +151,23 @@ def learn(
         coverage,
         provenance,
         evidence,
+    )
+
+
+def _check_enough(false_alarm: float, needed: int, samples: Samples) -> None:
+    """Refuse too few held-out episodes in the numbers that the user knows, those given."""
+    held_out = samples.held_out_episodes
+    if held_out >= needed:
+        return
+    given = held_out + len(np.unique(samples.episodes))
+    least = least_false_alarm(held_out)
+    raise OccError(
+        f'false_alarm {false_alarm:g} needs {count_of(needed, "safe episode")} to calibrate on, '
+        + 'but of '
+        + ('the 1 episode' if given == 1 else f'the {given} episodes')
+        + f' given {held_out or "none"} can be held out for that; allowed are '
+        f'{max(2 * needed, LEAST_EPISODES_TO_HOLD_OUT)} or more, or {count_of(needed, "other")} '
+        'to calibrate on' + (f', or a false_alarm of {least} or more' if held_out else '')
     )
 
 

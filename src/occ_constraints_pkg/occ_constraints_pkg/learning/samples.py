@@ -13,8 +13,8 @@ from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.rules.space import FeatureSpace
 
-# With fewer episodes than this, none is held out: too few would be left to learn from.
-_LEAST_EPISODES_TO_HOLD_OUT = 5
+LEAST_EPISODES_TO_HOLD_OUT = 5
+"""With fewer episodes than this, none is held out: too few would be left to learn from."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +129,7 @@ def divide_samples(
     held_out = np.zeros(len(rows), dtype=bool)
     names = np.unique(episodes)
     chosen = names[:0]
-    if len(names) >= _LEAST_EPISODES_TO_HOLD_OUT:
+    if len(names) >= LEAST_EPISODES_TO_HOLD_OUT:
         count = min(round(held_out_share * len(names)), len(names) - 1)
         count = max(count, min(hold_out_least, len(names) // 2))
         chosen = rng.choice(names, size=count, replace=False)

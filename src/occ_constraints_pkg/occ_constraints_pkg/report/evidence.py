@@ -13,6 +13,7 @@ from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.learning.evidence import MOST_LITERALS
 from occ_constraints_pkg.rules.constraints_file import Constraints
 from occ_constraints_pkg.rules.rule import Rule
+from occ_constraints_pkg.terminal import printable
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
@@ -72,7 +73,8 @@ def describe_why(document: Mapping[str, Any]) -> str:
     if document['note']:
         lines[0] += f'   # {document["note"]}'
     if document['missing']:
-        return '\n'.join([*lines, f'no evidence: {document["missing"]}'])
+        lines.append(f'no evidence: {document["missing"]}')
+        return '\n'.join(map(printable, lines))
     lines.append(
         f'training samples beyond its bounds, taken for outliers: {document["flagged"]}'
         if document['flagged']
@@ -81,7 +83,7 @@ def describe_why(document: Mapping[str, Any]) -> str:
     for literal in document['literals']:
         lines.append(f'  {literal["text"]}: {_describe_support(literal, document["near"])}')
         lines += [f'    {_describe_sample(sample)}' for sample in literal['closest']]
-    return '\n'.join(lines)
+    return '\n'.join(map(printable, lines))
 
 
 def _learned(constraints: Constraints, rule: Rule) -> Mapping[str, Any] | None:

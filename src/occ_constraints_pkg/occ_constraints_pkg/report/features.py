@@ -14,6 +14,7 @@ from typing import Any
 from occ_constraints_pkg.bags.recipes import Candidate
 from occ_constraints_pkg.bags.suggest import Suggestion
 from occ_constraints_pkg.bags.yields import FeatureYield, MapYield
+from occ_constraints_pkg.terminal import printable
 
 _WIDTH = 98
 _PLAIN = re.compile(r'[A-Za-z_/][A-Za-z0-9_./]*')
@@ -72,7 +73,7 @@ def describe_yield(seen: MapYield, where: str, pace: str) -> str:
         )
     if seen.clock_jumps:
         lines.append(f'time goes back {seen.clock_jumps} times from one row to the next')
-    return '\n'.join(lines)
+    return '\n'.join(map(printable, lines))
 
 
 def yield_document(seen: MapYield) -> dict[str, Any]:
@@ -128,7 +129,9 @@ def _span(seen: Sequence[FeatureYield]) -> str:
 
 
 def _comment(text: str) -> list[str]:
-    return [f'# {line}' for line in textwrap.wrap(text, _WIDTH - 2, break_on_hyphens=False)]
+    return [
+        f'# {line}' for line in textwrap.wrap(printable(text), _WIDTH - 2, break_on_hyphens=False)
+    ]
 
 
 def _item(entry: dict[str, Any]) -> list[str]:
@@ -151,6 +154,8 @@ def _flow(value: Any) -> str:
         return '{' + ', '.join(f'{key}: {_flow(item)}' for key, item in value.items()) + '}'
     if isinstance(value, list):
         return '[' + ', '.join(_flow(item) for item in value) + ']'
+    if isinstance(value, str) and printable(value) != value:
+        return json.dumps(value)
     if isinstance(value, str) and not (_PLAIN.fullmatch(value) and value.lower() not in _NOT_TEXT):
         return "'" + value.replace("'", "''") + "'"
     return value if isinstance(value, str) else json.dumps(value)

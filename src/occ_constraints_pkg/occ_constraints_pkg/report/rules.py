@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from occ_constraints_pkg.learning.promise import promise_words
 from occ_constraints_pkg.rules.constraints_file import Constraints
+from occ_constraints_pkg.terminal import printable
 
 
 def describe_rules(constraints: Constraints, *, counters: bool = False) -> str:
@@ -23,7 +24,7 @@ def describe_rules(constraints: Constraints, *, counters: bool = False) -> str:
         if rule.note:
             line += f'   # {rule.note}'
         lines.append(line)
-    return '\n'.join(lines)
+    return '\n'.join(map(printable, lines))
 
 
 def describe_promise(constraints: Constraints) -> str:

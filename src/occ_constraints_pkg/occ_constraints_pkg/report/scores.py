@@ -9,6 +9,7 @@ from typing import Any
 
 from occ_constraints_pkg.learning.scoring import RuleSetScore, Score
 from occ_constraints_pkg.rules.space import FeatureSpace
+from occ_constraints_pkg.terminal import printable
 
 
 def describe_score(score: RuleSetScore, space: FeatureSpace) -> str:
@@ -34,7 +35,7 @@ def describe_score(score: RuleSetScore, space: FeatureSpace) -> str:
         first = f'{item.first} ({item.first_costly})'
         alone = f'{item.alone.flagged} ({item.alone.both})'
         lines.append(f'{first:>16}{alone:>18}  {item.rule.id:<9} {item.rule.words(space)}')
-    return '\n'.join(lines)
+    return '\n'.join(map(printable, lines))
 
 
 def score_document(score: RuleSetScore, space: FeatureSpace) -> dict[str, Any]:

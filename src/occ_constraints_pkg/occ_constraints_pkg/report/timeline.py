@@ -11,6 +11,8 @@ import numpy as np
 from occ_constraints_pkg.bags.timeline import Interval, Timeline
 from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.rules.verdict import Verdict
+from occ_constraints_pkg.terminal import printable
+from occ_constraints_pkg.wording import count_of
 
 # Violations that are told one by one at most.
 _MOST = 20
@@ -30,11 +32,11 @@ def describe_timeline(timeline: Timeline, rule_set: RuleSet) -> str:
         )
     if timeline.unknown:
         lines.append(
-            f'{_count(len(timeline.unknown), "interval")} UNKNOWN: {_causes(timeline, rule_set)}'
+            f'{count_of(len(timeline.unknown), "interval")} UNKNOWN: {_causes(timeline, rule_set)}'
         )
     if timeline.violations:
         lines += _rule_lines(timeline, rule_set) + _violation_lines(timeline, rule_set)
-    return '\n'.join(lines)
+    return '\n'.join(map(printable, lines))
 
 
 def timeline_document(timeline: Timeline, rule_set: RuleSet) -> dict[str, Any]:
@@ -72,7 +74,7 @@ def _violation_lines(timeline: Timeline, rule_set: RuleSet) -> list[str]:
     space, unit = rule_set.space, _unit(timeline)
     worst = set(sorted(timeline.violations, key=lambda item: item.margin)[:_MOST])
     count = len(timeline.violations)
-    lines = [_count(count, 'violation') + (f', the {_MOST} worst:' if count > _MOST else ':')]
+    lines = [count_of(count, 'violation') + (f', the {_MOST} worst:' if count > _MOST else ':')]
     several = len(timeline.data.sources) > 1
     episodes = len(np.unique(timeline.data.episodes)) > len(timeline.data.sources)
     digits = 3 if unit else 0
@@ -148,7 +150,3 @@ def _causes(timeline: Timeline, rule_set: RuleSet) -> str:
 
 def _unit(timeline: Timeline) -> str:
     return ' s' if timeline.unit == 's' else ''
-
-
-def _count(number: int, noun: str) -> str:
-    return f'{number} {noun}' if number == 1 else f'{number} {noun}s'

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable
 
 from occ_constraints_pkg.rules.rule import Rule
 from occ_constraints_pkg.rules.space import FeatureSpace
+from occ_constraints_pkg.terminal import printable
 
 _NEIGHBOURS = (
     'the vehicle behind on the left lane',
@@ -68,7 +69,7 @@ def rules_table(rules: Iterable[Rule], space: FeatureSpace) -> str:
         f'| {row["words"]} | `{row["formula"]}` | {row["traffic"]} |'
         for row in rule_rows(rules, space)
     ]
-    return '\n'.join(lines)
+    return '\n'.join(map(printable, lines))
 
 
 def _speed(low: float | None, high: float | None) -> str:

@@ -36,6 +36,7 @@ from rclpy.validate_topic_name import validate_topic_name
 from occ_constraints_pkg.documents import read_text
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.ros.environment import check_clock
+from occ_constraints_pkg.ros.log import OneLineLogger
 from occ_constraints_pkg.ros.overrides import (
     OF_SUBSCRIPTION,
     QOS_PREFIX,
@@ -45,6 +46,7 @@ from occ_constraints_pkg.ros.overrides import (
     params_files,
 )
 from occ_constraints_pkg.stopping import parent_is_gone, stop_request
+from occ_constraints_pkg.terminal import printable
 
 try:
     from rclpy.experimental import EventsExecutor
@@ -114,6 +116,7 @@ class OccNode(Node):
                 f'parameter {wrong.name!r} of node {name!r}: got {wrong.value!r}; allowed is true '
                 'or false'
             ) from error
+        self._logger = OneLineLogger(self._logger.name)
         check_qos_overrides(self._parameter_overrides.values())
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._has_namesake = False
@@ -393,7 +396,7 @@ def _describe(make_node: Callable[[], OccNode]) -> list[tuple[str, str, str, str
 
 def tell(error: OccError | OSError) -> int:
     """Print a mistake as one sentence on stderr; return the exit code 2."""
-    print(f'error: {error}', file=sys.stderr, flush=True)
+    print(f'error: {printable(str(error))}', file=sys.stderr, flush=True)
     return 2
 
 

@@ -19,6 +19,7 @@ from occ_constraints_pkg.rules.constraints_file import Constraints, save_derived
 from occ_constraints_pkg.rules.edits import RuleEdits
 from occ_constraints_pkg.rules.kept_counts import KeptCounts
 from occ_constraints_pkg.rules.listing import rules_document
+from occ_constraints_pkg.wording import count_of
 
 # How long a disk that stays full is not spoken of again.
 _SILENT_SECONDS = 60.0
@@ -111,7 +112,7 @@ class RulesInForce:
         self._now = rules
         rule_set, log = rules.edited.rule_set, self._node.get_logger()
         log.info(
-            f'{len(rule_set.order)} enabled rules from {rules.where}, rule set '
+            f'{count_of(len(rule_set.order), "enabled rule")} from {rules.where}, rule set '
             f'{rule_set.fingerprint}'
             + (f'; counters go on from {self.counts_file}' if rules.counts.resumed else '')
         )

@@ -32,6 +32,14 @@ SCHEMA_VERSION = 1
 # The last line of a file that was made from another one.
 _SEAL = re.compile(r'^# not edited since occ wrote it, SHA-256 ([0-9a-f]{64})\n\Z', re.MULTILINE)
 _SCHEMA = load_schema(__package__, 'constraints.schema.json')
+# What tells a recording or a table, and what tells another document, given by mistake.
+_DATA_SUFFIXES = ('.mcap', '.db3', '.npz', '.csv', '.parquet')
+_OTHER_KINDS = {
+    'pace': 'a feature map (-m)',
+    'rate': 'a feature map (-m)',
+    'recordings': 'a manifest that lists recordings',
+    'rosbag2_bagfile_information': 'the metadata of a recording',
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +124,11 @@ def load_constraints(path: str | Path) -> Constraints:
     Raises:
         OccError: it cannot be read or is not valid; the sentence names line, key and value.
     """
+    if Path(path).is_dir() or Path(path).suffix in _DATA_SUFFIXES:
+        found = 'a directory, as recordings are' if Path(path).is_dir() else 'a recording or table'
+        raise OccError(
+            f'cannot read {path} as a constraints file: it is {found}; were the arguments swapped?'
+        )
     return parse_constraints(read_text(path), str(path))
 
 
@@ -214,6 +227,10 @@ def parse_constraints(text: str, where: str) -> Constraints:
         OccError: the text is not valid; the sentence names line, key and value.
     """
     document = parse_yaml(text, where)
+    if isinstance(document, dict) and 'rules' not in document:
+        for key, kind in _OTHER_KINDS.items():
+            if key in document:
+                raise OccError(f'{where} is {kind}, not a constraints file, which has rules')
     _check_version(document, where)
     validate(document, _SCHEMA, where, text=text)
     try:

@@ -12,6 +12,7 @@ import numpy as np
 
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.rules.space import FeatureSpace
+from occ_constraints_pkg.terminal import printable
 
 COMPARISONS = {'<': np.less, '<=': np.less_equal, '>': np.greater, '>=': np.greater_equal}
 OPERATORS = tuple(COMPARISONS)
@@ -168,12 +169,14 @@ class Rule:
         """Return the rule as a person would say it, with units and bounds to four digits.
 
         Two literals that enclose one feature are told as a range, with more digits where four
-        would not tell its ends apart; of several on one side the tightest is told.
+        would not tell its ends apart; of several on one side the tightest is told. Control
+        characters of names and units are written out.
         """
         lower, upper = self._tightest()
         parts = []
         for feature in dict.fromkeys(literal.feature for literal in self.literals):
             name, unit = space.names[feature], space.features[feature].unit
+            name, unit = printable(name), printable(unit)
             suffix = '' if unit == '1' else f' {unit}'
             low, high = lower.get(feature), upper.get(feature)
             if low and high and low.bound == high.bound:

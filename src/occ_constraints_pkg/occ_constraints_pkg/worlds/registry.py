@@ -34,15 +34,24 @@ def make_world(name: str, num_envs: int, *, processes: int = 0) -> World:
     return world(num_envs, processes=processes)
 
 
+def check_world(name: str) -> None:
+    """Refuse a name that is no world's, without importing anything.
+
+    Raises:
+        OccError: there is no such world.
+    """
+    if name not in _CLASSES:
+        hint = did_you_mean(name, WORLDS) or ';'
+        raise OccError(f'there is no world {name!r}{hint} the worlds are {", ".join(WORLDS)}')
+
+
 def world_class(name: str) -> type[World]:
     """Return a world's class, whose attributes tell its columns without building one.
 
     Raises:
         OccError: there is no such world, or MuJoCo is not installed.
     """
-    if name not in _CLASSES:
-        hint = did_you_mean(name, WORLDS) or ';'
-        raise OccError(f'there is no world {name!r}{hint} the worlds are {", ".join(WORLDS)}')
+    check_world(name)
     module, class_name = _CLASSES[name]
     # Imported late: MuJoCo is an extra that a robot which only monitors does without.
     return getattr(import_needed(f'world {name}', f'{__package__}.{module}'), class_name)

@@ -96,6 +96,9 @@ def learn(
         held_out_share=held_out_share,
         hold_out_least=needed,
     )
+    if false_alarm is not None and safe_episodes is None:
+        _check_enough(false_alarm, needed, samples)
+        safe_episodes = samples.held_out, samples.held_out_names
     training = samples.training
     tree = grow(training, space, settings, progress=progress)
     demonstrated = samples.demonstrated(space, settings)
@@ -103,10 +106,7 @@ def learn(
         tree, space, demonstrated, full_conditions=settings.full_conditions
     )
     calibration: dict[str, Any] = {}
-    if false_alarm is not None:
-        if safe_episodes is None:
-            _check_enough(false_alarm, needed, samples)
-            safe_episodes = samples.held_out, samples.held_out_names
+    if false_alarm is not None and safe_episodes is not None:
         tree, formula, calibration = _calibrated(
             tree, formula, safe_episodes, false_alarm, settings.full_conditions
         )

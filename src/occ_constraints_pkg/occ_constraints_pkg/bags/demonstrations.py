@@ -139,9 +139,7 @@ def read_for_rules(
             'allowed are tables (.npz, .csv, .parquet) with columns of their names'
         )
     feature_map = FeatureMap.from_document(constraints.feature_map, where)
-    return extract(
-        paths, feature_map, max_lag=max_lag, progress=progress, provenance=False
-    )
+    return extract(paths, feature_map, max_lag=max_lag, progress=progress, provenance=False)
 
 
 def _pass_on(data: Dataset, constraints: Constraints, warn: Callable[[str], None] | None) -> None:

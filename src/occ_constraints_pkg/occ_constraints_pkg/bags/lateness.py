@@ -57,7 +57,7 @@ class Lateness:
     Two delays are added: from the header stamp to the time of publishing, and from there to the
     arrival. Of each, what it has grown by since its smallest recent value counts, so that clocks
     may differ. The first one counts in full where both times are of one clock, which shows in
-    their being at most 15 s apart. Where they are more than a day apart it does not count, for
+    their being at most 15 s apart, unless the stamps' clock was seen to be set back. Where they are more than a day apart it does not count, for
     then the stamps are of a simulation or an old recording, whose time may run at any rate.
 
     Args:
@@ -68,7 +68,7 @@ class Lateness:
         self._limit_ns = limit_ns
         self._age, self._way = Delay(), Delay()
         self._stamp = self._published = 0
-        self._is_real_time = False
+        self._is_real_time = self._was_set_back = False
         # Time and age at which the proof of a clock's rate began.
         self._proof: tuple[int, int] | None = None
 
@@ -95,8 +95,11 @@ class Lateness:
     def _age_ns(self, stamp: int, published: int, *, is_sure: bool) -> int:
         if stamp < self._stamp - self._limit_ns:
             self._forget()
+            self._was_set_back = True
         self._stamp = stamp
         age = published - stamp
+        # Then it tells the right time again.
+        self._was_set_back = self._was_set_back and age > self._limit_ns
         is_same_clock = abs(age) <= _SAME_CLOCK_NS
         if abs(age) > _ANY_RATE_NS:
             self._forget()
@@ -106,7 +109,8 @@ class Lateness:
         elif not self._is_real_time and not self._runs_like_ours(age, published):
             return 0
         growth = self._age.growth_ns(age, published)
-        return max(growth, age) if is_same_clock and is_sure else growth
+        is_absolute = is_same_clock and is_sure and not self._was_set_back
+        return max(growth, age) if is_absolute else growth
 
     def _runs_like_ours(self, age: int, now_ns: int) -> bool:
         begin, first = self._proof or (now_ns, age)

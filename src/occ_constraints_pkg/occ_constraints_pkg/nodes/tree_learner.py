@@ -110,7 +110,7 @@ class TreeLearner(OccNode):
         else:
             self._topics = MappedTopics(self, self._map, self._on_input)
 
-    def _on_input(self, topic: str, message: Any) -> None:
+    def _on_input(self, topic: str, message: Any, _published_ns: int) -> None:
         now = self._arrival.now_ns()
         try:
             rows = self._extractor.push(topic, message, now)

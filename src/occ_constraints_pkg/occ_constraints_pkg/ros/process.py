@@ -30,6 +30,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from rclpy.timer import Timer
 from rclpy.utilities import remove_ros_args
+from rclpy.validate_full_topic_name import validate_full_topic_name
 from rclpy.validate_topic_name import validate_topic_name
 
 from occ_constraints_pkg.documents import did_you_mean
@@ -122,12 +123,14 @@ class OccNode(Node):
         """
         try:
             validate_topic_name(topic)
+            full_name = self.resolve_topic_name(topic)
+            validate_full_topic_name(full_name)
         except NameValidationException as error:
             raise OccError(
                 f'{topic!r} cannot name a topic; allowed are letters, digits and _, joined by /, '
-                'and no digit first'
+                'and no digit first, up to 247 characters with the namespace'
             ) from error
-        return self.resolve_topic_name(topic)
+        return full_name
 
     def let_leave(self, *publishers: Publisher, seconds: float = _LEAVE_SECONDS) -> None:
         """Wait, not for long, until reliable subscribers have what was published last."""

@@ -53,7 +53,8 @@ class Monitor(ManagedNode):
         super().__init__('monitor')
         self._declare()
         # The newest text on the topic constraints, and that of the rules in force.
-        self._offered = self._received = ''
+        self._offered: str | None = None
+        self._received: str | None = None
         self._reader = RulesReader(_ORIGIN)
         self._reading: Timer | None = None
         self._rules = RulesInForce(self)
@@ -128,7 +129,7 @@ class Monitor(ManagedNode):
         if path:
             constraints = load_constraints(path)
             self._use(constraints, map_of(constraints, path), path, strict=True)
-        if self._offered:
+        if self._offered is not None:
             self._read(self._offered)
 
     def activate(self) -> None:
@@ -144,7 +145,7 @@ class Monitor(ManagedNode):
         self._rules.drop()
         self._judging.close()
         self._reader.drop()
-        self._received = ''
+        self._received = None
 
     def close(self) -> None:
         """Keep the counters."""

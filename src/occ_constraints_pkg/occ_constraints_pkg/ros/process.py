@@ -123,9 +123,10 @@ class OccNode(Node):
         """
         try:
             validate_topic_name(topic)
+            # Raises what is a RuntimeError where the name grows too long by the namespace.
             full_name = self.resolve_topic_name(topic)
             validate_full_topic_name(full_name)
-        except NameValidationException as error:
+        except (NameValidationException, RuntimeError) as error:
             raise OccError(
                 f'{topic!r} cannot name a topic; allowed are letters, digits and _, joined by /, '
                 'and no digit first, up to 247 characters with the namespace'

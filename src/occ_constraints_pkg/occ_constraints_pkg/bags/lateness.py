@@ -57,8 +57,9 @@ class Lateness:
     Two delays are added: from the header stamp to the time of publishing, and from there to the
     arrival. Of each, what it has grown by since its smallest recent value counts, so that clocks
     may differ. The first one counts in full where both times are of one clock, which shows in
-    their being at most 15 s apart, unless the stamps' clock was seen to be set back. Where they are more than a day apart it does not count, for
-    then the stamps are of a simulation or an old recording, whose time may run at any rate.
+    their being at most 15 s apart, unless the stamps' clock was seen to be set back. Where they
+    are more than a day apart it does not count, for then the stamps are of a simulation or an old
+    recording, whose time may run at any rate.
 
     Args:
         limit_ns: a time that goes back by more than this was set back.

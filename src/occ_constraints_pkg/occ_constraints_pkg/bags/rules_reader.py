@@ -112,15 +112,14 @@ class RulesReader:
                 text, since = self._under_way
                 limit = _MOST_SECONDS if text == self._newest else _MOST_SECONDS_IF_OLD
                 if time.monotonic() - since > limit:
-                    self._process.kill()
+                    self._kill()
             return answer
 
     def close(self) -> None:
         """End the process."""
         with self._change:
             self._is_closed = True
-            if self._process is not None:
-                self._process.kill()
+            self._kill()
             self._change.notify()
         if self._thread is not None:
             self._thread.join()
@@ -134,19 +133,18 @@ class RulesReader:
                 if self._is_closed:
                     break
                 text = self._newest
-                if self._process is None:
-                    self._process = _start()
                 self._under_way = text, time.monotonic()
             answer = self._ask(text)
             with self._change:
                 self._under_way = None
                 if text == self._newest:
                     self._answer = answer
-        if self._process is not None:
-            self._end()
+        self._end()
 
     def _ask(self, text: str) -> ReadRules:
         try:
+            if self._process is None:
+                self._process = _start()
             _send(self._process.stdin, pickle.dumps((text, self._where)))
             # From a process of our own, which builds these values out of plain numbers and texts.
             answer = ReadRules(text, *pickle.loads(_receive(self._process.stdout)))
@@ -154,7 +152,8 @@ class RulesReader:
                 # So that whoever judges by them does not wait for their first use.
                 _use_once(answer.constraints.rule_set)
             return answer
-        except (OSError, EOFError):
+        except (OSError, EOFError, MemoryError, pickle.UnpicklingError):
+            # It was killed, has no memory left, or could not be started.
             self._end()
             return ReadRules(
                 text,
@@ -164,8 +163,15 @@ class RulesReader:
                 f'{_MOST_MEMORY >> 30} GiB of memory',
             )
 
+    def _kill(self) -> None:
+        process = self._process
+        if process is not None:
+            process.kill()
+
     def _end(self) -> None:
         process, self._process = self._process, None
+        if process is None:
+            return
         process.kill()
         for stream in (process.stdin, process.stdout):
             try:

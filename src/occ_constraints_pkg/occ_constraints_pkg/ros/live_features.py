@@ -9,6 +9,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from occ_constraints_pkg.bags.extract import FeatureExtractor, FeatureRows
 from occ_constraints_pkg.bags.feature_map import FeatureMap
 from occ_constraints_pkg.bags.fields import header_stamp_ns
@@ -119,7 +121,7 @@ class LiveFeatures:
             self._on_fault(str(error), header_stamp_ns(message) or now)
             return
         if rows is not None:
-            if self._topics.fault and not rows.note:
+            if self._topics.fault and not rows.note and np.isnan(rows.values).any():
                 rows = replace(rows, note=self._topics.fault)
             self._on_rows(rows)
 

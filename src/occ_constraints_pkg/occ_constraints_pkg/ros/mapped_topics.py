@@ -9,6 +9,7 @@ from typing import Any
 
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
+from rclpy.timer import Timer
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from occ_constraints_pkg.bags.feature_map import FeatureMap, topic_key
@@ -21,8 +22,8 @@ from occ_constraints_pkg.ros.source_time import with_source_time
 from occ_constraints_pkg.ros.table_topics import reading
 
 _LOOK_SECONDS = 0.2
-# Once all topics are subscribed to, looks that are left out between two.
-_LOOKS_LEFT_OUT = 4
+# The same once all topics are subscribed to.
+_SETTLED_SECONDS = 1.0
 _BEST_EFFORT = ReliabilityPolicy.BEST_EFFORT
 _TABLE = 'sensor_msgs/msg/PointCloud2'
 
@@ -77,8 +78,8 @@ class MappedTopics:
         self._reasons: dict[tuple[str, str], str] = {}
         self._faults: dict[str, str] = {}
         self._told: set[str] = set()
-        self._looks = 0
-        self._timer = None
+        self._is_settled = False
+        self._timer: Timer | None = None
         try:
             for topic in self._tables:
                 self._subscribe(topic, _TABLE, STEPS)
@@ -123,10 +124,6 @@ class MappedTopics:
         return self._node.get_publishers_info_by_topic(self._full_names[topic])
 
     def _look(self) -> None:
-        self._looks += 1
-        is_complete = len(self._subscriptions) == len(self._full_names) and not self._faults
-        if is_complete and self._looks % (1 + _LOOKS_LEFT_OUT):
-            return
         for topic in self._full_names:
             types = {publisher.topic_type for publisher in self._publishers(topic)}
             try:
@@ -141,6 +138,12 @@ class MappedTopics:
             if fault not in self._told:
                 self._told.add(fault)
                 self._node.get_logger().error(fault)
+        is_settled = len(self._subscriptions) == len(self._full_names) and not self._faults
+        if is_settled != self._is_settled:
+            self._is_settled = is_settled
+            self._node.destroy_timer(self._timer)
+            seconds = _SETTLED_SECONDS if is_settled else _LOOK_SECONDS
+            self._timer = self._node.steady_timer(seconds, self._look)
 
     def _follow(self, topic: str, types: set[str]) -> None:
         """Subscribe to a type of the topic that can be read, unless that is so."""

@@ -60,11 +60,27 @@ def write_drive(
     return path
 
 
-def write_rover(path: Path, *, seconds: float = 12.0, seed: int = 0, **options) -> Path:
+def write_rover(
+    path: Path,
+    *,
+    seconds: float = 12.0,
+    seed: int = 0,
+    backlog: float = 0.0,
+    ahead: float = 0.0,
+    **options,
+) -> Path:
     """Write a bag of a robot with odometry at 20 Hz, a scanner at 5 Hz and a command now and then.
 
     It has what real bags have: a scanner that misses beams, odometry that pauses, commands that
     carry no stamp and stop, log times that lag behind stamps, a scan that comes twice.
+
+    Args:
+        path: of the bag.
+        seconds: its length.
+        seed: of its values.
+        backlog: seconds by which all that is stamped from 7 s on is logged later.
+        ahead: seconds by which the clock of the log is ahead of that of the stamps.
+        **options: see :class:`BagWriter`.
     """
     types, rng = STORE.types, np.random.default_rng(seed)
     name = {kind: f'{package}/msg/{kind}' for package, kinds in {
@@ -106,7 +122,8 @@ def write_rover(path: Path, *, seconds: float = 12.0, seed: int = 0, **options) 
     with BagWriter(path, **options) as bag:
         for time, topic, message in sorted(entries, key=lambda entry: entry[0]):
             data = bytes(STORE.serialize_cdr(message, message.__msgtype__))
-            bag.write(topic, message.__msgtype__, data, time)
+            late = backlog if time >= START_NS + 7 * 10**9 else 0.0
+            bag.write(topic, message.__msgtype__, data, time + round((late + ahead) * 1e9))
     return path
 
 

@@ -67,7 +67,19 @@ def test_built_in_maps():
     ('old', 'new', 'sentence'),
     [
         ('max_age: 0.5', 'max_age: 0', 'line 3: max_age: got 0; allowed is a number above 0'),
-        ('max_age: 0.5', 'max_age: .inf', 'max_age: got inf; allowed is a finite number'),
+        (
+            'max_age: 0.5',
+            'max_age: .inf',
+            'max_age: got inf; allowed is a number of at most 1000000',
+        ),
+        ('max_age: 0.5', 'max_age: 1e300', 'max_age: got 1e+300; allowed is a number of at most'),
+        (
+            'pace: observation',
+            'pace: {rate: 1e-300}',
+            'got 1e-300; allowed is a number of at least',
+        ),
+        ('pace: observation', f'pace: {"a" * 300}', 'allowed is text no longer than 247'),
+        ('topic: odom', f'topic: {"a" * 300}', 'allowed is text no longer than 247'),
         ('max_age: 0.5\n', '', "line 1: the key 'max_age' is missing"),
         ('pace:', 'Pace:', "line 2: Pace: unknown key; did you mean 'pace'? allowed keys are"),
         ('pace: observation', 'pace: a b', "line 2: pace: got 'a b'; allowed is a topic name"),

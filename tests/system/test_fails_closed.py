@@ -5,15 +5,18 @@
 docs/nodes.md lists all faults with their tests, many of which are in other files.
 """
 
+import signal
 import time
 
 import numpy as np
+import pytest
 from occ_constraints_pkg.bags.feature_map import FeatureMap
 from occ_constraints_pkg.bags.table import Table
 from occ_constraints_pkg.rules import Literal, Rule, RuleSet
 from occ_constraints_pkg.rules.constraints_file import Constraints
 
 SECOND = 10**9
+LATE = ' s late; allowed is 1 s, by max_lag'
 MAP = {
     'schema_version': 1,
     'pace': 'odom',
@@ -148,3 +151,108 @@ def test_a_table_that_is_published_best_effort_is_unknown_and_named(nodes, witne
 
     witness.spin_until(told, 20.0)
     assert all(message.status[0].message.startswith('UNKNOWN') for message in heard)
+
+
+@pytest.fixture
+def robot(nodes, witness):
+    rules().save(nodes.folder / 'rules.yaml')
+    nodes.start('monitor', constraints_file=nodes.folder / 'rules.yaml', timeout=60.0)
+    robot = Robot(witness)
+    robot.until_heard()
+    return robot
+
+
+def drive(robot, seconds, stamp):
+    """Send at 20 Hz; return what is said, whose stamps ``stamp`` tells from the time."""
+    end, said = time.monotonic() + seconds, []
+    while time.monotonic() < end:
+        said.append(robot.send(round(stamp(time.time_ns()))))
+        robot.witness.spin(0.05)
+    return said
+
+
+@pytest.mark.parametrize('offset', [0, 3600, -0.3])
+def test_a_bridge_that_falls_behind_is_late_until_it_has_caught_up(robot, offset):
+    """The clock of the robot may be another one than that of the bridge and the monitor."""
+    base = offset * SECOND
+    assert set(drive(robot, 4.5, lambda now: now - base)) == {'SAFE'}
+    # Nothing for 3 s, then all of it 3 s later.
+    robot.witness.spin(3.0)
+    late = drive(robot, 1.5, lambda now: now - base - 3 * SECOND)
+    assert all(words.startswith("UNKNOWN: a message on 'odom' is ") for words in late)
+    assert all(words.endswith(LATE) for words in late)
+    assert set(drive(robot, 0.5, lambda now: now - base)) == {'SAFE'}
+    # It passes on half of what comes.
+    start = time.time_ns()
+    said = drive(robot, 4.0, lambda now: now - base - (now - start) / 2)
+    is_late = [words.endswith(LATE) for words in said]
+    assert is_late == sorted(is_late)
+    assert not is_late[0]
+    assert is_late[-1]
+
+
+def test_what_is_old_from_the_first_message_on_is_late(robot):
+    said = drive(robot, 1.0, lambda now: now - 10 * SECOND)
+    assert {words.partition(' is ')[2] for words in said} == {'10' + LATE}
+    assert robot.send(time.time_ns()) == 'SAFE'
+
+
+@pytest.mark.parametrize(
+    'stamp',
+    [
+        lambda now, start: now - 40 * SECOND,
+        lambda now, start: SECOND + (now - start) / 3,
+        lambda now, start: SECOND + 3 * (now - start),
+        lambda now, start: 1_700_000_000 * SECOND + (now - start) / 2,
+        lambda now, start: start - 600 * SECOND + (now - start) / 2,
+    ],
+    ids=['host', 'slow simulation', 'fast simulation', 'slow old bag', 'slow bag of today'],
+)
+def test_other_clocks_simulations_and_recordings_are_not_late(robot, stamp):
+    start = time.time_ns()
+    assert set(drive(robot, 4.0, lambda now: stamp(now, start))) == {'SAFE'}
+
+
+def test_a_monitor_that_was_stopped_does_not_pass_what_waited_for_it(nodes, robot):
+    from occ_constraints_pkg.ros.messages import to_time
+
+    assert robot.send(time.time_ns()) == 'SAFE'
+    (monitor,) = nodes.started
+    monitor.send_signal(signal.SIGSTOP)
+    robot.witness.spin(0.3)
+    heard = len(robot.verdicts)
+    for step in range(5):
+        message = robot.new()
+        message.header.stamp = to_time(time.time_ns() + step)
+        robot.odom.publish(message)
+    robot.witness.spin(2.0)
+    monitor.send_signal(signal.SIGCONT)
+    # Some may have been lost, for that is a best-effort subscription.
+    robot.witness.spin_until(lambda: len(robot.verdicts) > heard, 10.0)
+    robot.witness.spin(0.5)
+    assert all(message.status[0].message.endswith(LATE) for message in robot.verdicts[heard:])
+    assert robot.send(time.time_ns()) == 'SAFE'
+
+
+def test_a_simulation_behind_the_wall_clock_is_judged_by_its_own_clock(nodes, witness):
+    from occ_constraints_pkg.ros.messages import to_time
+    from occ_constraints_pkg.ros.qos import STEPS
+    from rosgraph_msgs.msg import Clock
+
+    robot = Robot(witness)
+    rules().save(nodes.folder / 'rules.yaml')
+    file = nodes.folder / 'rules.yaml'
+    nodes.start('monitor', constraints_file=file, timeout=60.0, use_sim_time=True)
+    clock = witness.node.create_publisher(Clock, '/clock', STEPS)
+    robot.until_heard()
+    witness.spin_until(lambda: clock.get_subscription_count() == 1, 20.0)
+    start = time.time_ns()
+
+    def tick(now):
+        # A fifth as fast as time, after a beginning at the time of the wall.
+        simulated = round(start + (now - start) / 5)
+        clock.publish(Clock(clock=to_time(simulated)))
+        return simulated
+
+    witness.spin_until(lambda: robot.send(tick(time.time_ns())) == 'SAFE', 10.0)
+    assert set(drive(robot, 4.0, tick)) == {'SAFE'}

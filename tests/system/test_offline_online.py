@@ -119,14 +119,14 @@ def check(lock_step, bag, feature_map, contamination=0.2):
     player = lock_step(rules, topics)
     player.play(recording, topics)
 
-    data = read_for_rules([bag], rules, 'rules')
+    data = read_for_rules([bag], rules, 'rules', max_lag=1.0)
     rule_set, judgement = rules.rule_set, rules.rule_set.judge(data.values)
     offline = np.stack(
         [judgement.cost, judgement.verdict, judgement.margin, judgement.rule], axis=1
     )
 
     # A message that came twice is answered twice, and counted once.
-    answered = sum(1 for _ in rows_of(recording, FeatureExtractor(feature_map)))
+    answered = sum(1 for _ in rows_of(recording, FeatureExtractor(feature_map, 1.0)))
     player.witness.spin(10.0, lambda: len(player.costs) >= answered)
     player.witness.spin(10.0, lambda: len(player.violations) >= answered)
     assert len(player.costs) == len(player.violations) == answered
@@ -183,6 +183,17 @@ def test_a_made_up_bag(lock_step, tmp_path, pace):
     else:
         assert len(data) == pytest.approx(12 * 8, abs=9)
     assert {Verdict.SAFE, Verdict.UNKNOWN} <= set(judgement.verdict)
+
+
+@pytest.mark.parametrize('ahead', [0.0, pytest.param(3600.0, marks=pytest.mark.slow)])
+def test_a_bag_with_a_backlog(lock_step, tmp_path, ahead):
+    bag = write_rover(tmp_path / 'rover', backlog=5.0, ahead=ahead)
+    judgement, data = check(lock_step, bag, map_of(ROVER_MAP))
+    # From 7 s on, all is logged 5 s later.
+    late = data.times_ns > 11 * 10**9
+    assert late.sum() > 10
+    assert (judgement.verdict[late] == Verdict.UNKNOWN).all()
+    assert (judgement.verdict[~late] != Verdict.UNKNOWN).sum() > 10
 
 
 @pytest.mark.parametrize(

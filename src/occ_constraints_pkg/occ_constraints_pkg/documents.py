@@ -7,6 +7,7 @@ from __future__ import annotations
 import difflib
 import io
 import json
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import resources
 from pathlib import Path
@@ -17,11 +18,22 @@ from jsonschema import Draft202012Validator, ValidationError
 from jsonschema.exceptions import best_match
 from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
-from ruamel.yaml.events import AliasEvent
+from ruamel.yaml.events import (
+    AliasEvent,
+    CollectionEndEvent,
+    CollectionStartEvent,
+    Event,
+    ScalarEvent,
+)
+from ruamel.yaml.parser import Parser
 from ruamel.yaml.representer import SafeRepresenter
 
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.files import DOCUMENT_BYTES, read_bytes
+
+# Three for each split of the deepest tree, and some more.
+_MOST_LEVELS = 350
+_SURROGATE = re.compile(r'[\ud800-\udfff]')
 
 
 def load_schema(package: str, name: str) -> dict[str, Any]:
@@ -81,15 +93,9 @@ def parse_yaml(text: str, where: str) -> Any:
         OccError: the text is not such a document; the sentence names ``where`` and the line.
     """
     try:
-        if '*' in text and '&' in text:
-            for event in _yaml().parse(text):
-                if isinstance(event, AliasEvent):
-                    line = event.start_mark.line + 1
-                    raise OccError(
-                        f'{where}, line {line}: got the alias *{event.anchor}; '
-                        f'write the value out instead, aliases are not allowed'
-                    )
         return _yaml().load(text)
+    except _RefusedError as error:
+        raise OccError(f'{where}, line {error.line}: {error}') from error
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = '' if mark is None else f', line {mark.line + 1}'
@@ -168,6 +174,44 @@ def _dump(plain: Any, *, allow_unicode: bool) -> str:
     return stream.getvalue()
 
 
+class _RefusedError(Exception):
+    """Something that YAML allows and our documents have no use for."""
+
+    def __init__(self, sentence: str, event: Event) -> None:
+        super().__init__(sentence)
+        self.line = event.start_mark.line + 1
+
+
+class _Parser(Parser):
+    """Refuses what stands for more data than it looks, or cannot be told to anybody."""
+
+    _levels = 0
+
+    def get_event(self) -> Any:
+        event = super().get_event()
+        if isinstance(event, AliasEvent):
+            raise _RefusedError(
+                f'got the alias *{event.anchor}; write the value out instead, aliases are not '
+                'allowed',
+                event,
+            )
+        if isinstance(event, ScalarEvent) and _SURROGATE.search(event.value):
+            raise _RefusedError(
+                f'got {_show(event.value)}; allowed are whole characters, not halves of a '
+                'surrogate pair',
+                event,
+            )
+        if isinstance(event, CollectionStartEvent):
+            self._levels += 1
+            if self._levels > _MOST_LEVELS:
+                raise _RefusedError(
+                    f'nested too deeply; allowed are {_MOST_LEVELS} levels at most', event
+                )
+        elif isinstance(event, CollectionEndEvent):
+            self._levels -= 1
+        return event
+
+
 class _Representer(SafeRepresenter):
     """Quotes text that the dumper would leave bare where it means something else."""
 
@@ -181,6 +225,7 @@ _Representer.add_representer(str, _Representer.represent_str)
 
 def _yaml() -> YAML:
     yaml = YAML(typ='safe', pure=True)
+    yaml.Parser = _Parser
     yaml.Representer = _Representer
     yaml.default_flow_style = None
     yaml.sort_base_mapping_type_on_output = False
@@ -248,6 +293,7 @@ _LIMITS = {
     'minItems': 'a list no shorter than',
     'maxItems': 'a list no longer than',
     'minLength': 'text no shorter than',
+    'maxLength': 'text no longer than',
 }
 
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from occ_constraints_pkg.bags.feature_map import FeatureMap, topic_key
+from occ_constraints_pkg.bags.lateness import lateness_of
 from occ_constraints_pkg.bags.recording import Recording
 from occ_constraints_pkg.bags.storage import Block
 from occ_constraints_pkg.bags.table import Table
@@ -47,10 +48,15 @@ class BlockExtractor:
         topics: topic as :func:`topic_key` writes it, to its name in the recording; the pace first,
             in the order of the blocks' numbers.
         feature_map: what to compute; :meth:`reads` must say that it can be.
+        max_lag: see :class:`~occ_constraints_pkg.bags.extract.FeatureExtractor`.
     """
 
     def __init__(
-        self, recording: Recording, topics: dict[str, str], feature_map: FeatureMap
+        self,
+        recording: Recording,
+        topics: dict[str, str],
+        feature_map: FeatureMap,
+        max_lag: float = 0.0,
     ) -> None:
         readings = feature_map.readings
         self._width = len(readings)
@@ -63,6 +69,15 @@ class BlockExtractor:
             ]
             own = [readings[place] for place in places]
             self._readers.append((places, TopicColumns(recording, name, own)))
+        self._max_lag_ns = round(max_lag * 1e9)
+        lateness = lateness_of(feature_map, self._max_lag_ns)
+        # Of each topic, what reads its stamps alone, and whether its last message came too late.
+        self._timed = [
+            (lateness[key], TopicColumns(recording, name, ()))
+            for key, name in topics.items()
+            if lateness
+        ]
+        self._was_late = [False] * len(self._timed)
         self._held: list[_Held | None] = [None] * len(self._readers)
         self._last: tuple[int, np.ndarray] | None = None
         # Stamp and arrival of the last pace message.
@@ -97,7 +112,7 @@ class BlockExtractor:
         for number in range(1, len(self._readers)):
             self._fill(read, read_stamps, number, block, paces, stamps)
         values = self._transform(read, read_stamps, np.where(stamps == 0, times, stamps))
-        values[self._set_back(stamps, times)] = np.nan
+        values[self._set_back(stamps, times) | self._late(block, paces)] = np.nan
         news = ~self._repeats(values, stamps)
         yield RowBlock(values[news], np.where(stamps == 0, times, stamps)[news], times[news])
 
@@ -162,6 +177,21 @@ class BlockExtractor:
         before, earlier = np.append(stamp, stamps[:-1]), np.append(time, times[:-1])
         by_arrival = (stamps == 0) | (before == 0)
         return np.where(by_arrival, earlier - times, before - stamps) > self._max_age_ns
+
+    def _late(self, block: Block, paces: np.ndarray) -> np.ndarray:
+        """Return (m,) whether a topic's last message up to each pace message came too late."""
+        late = np.zeros(len(paces), dtype=bool)
+        for number, (lateness, columns) in enumerate(self._timed):
+            rows = np.flatnonzero(block.topics == number)
+            stamps, times = columns.read(block, rows)[1].tolist(), block.times[rows].tolist()
+            own = [self._was_late[number]]
+            own += [
+                lateness.lag_ns(stamp or None, time) > self._max_lag_ns
+                for stamp, time in zip(stamps, times, strict=True)
+            ]
+            self._was_late[number] = own[-1]
+            late |= np.array(own)[np.searchsorted(rows, paces, side='right')]
+        return late
 
     def _repeats(self, values: np.ndarray, stamps: np.ndarray) -> np.ndarray:
         repeat = np.zeros(len(stamps), dtype=bool)

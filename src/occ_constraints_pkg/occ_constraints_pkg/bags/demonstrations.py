@@ -127,6 +127,7 @@ def read_for_rules(
     constraints: Constraints,
     where: str,
     *,
+    max_lag: float = 0.0,
     progress: Callable[[int, int], None] | None = None,
 ) -> Dataset:
     """Read the features that rules speak of: from recordings by the feature map, or from tables.
@@ -137,6 +138,8 @@ def read_for_rules(
         paths: recordings only, or table files only, whose columns are found by name.
         constraints: the rules, and for recordings their feature map.
         where: what errors call the constraints.
+        max_lag: seconds that a message of a recording may come late, see
+            :class:`~occ_constraints_pkg.bags.extract.FeatureExtractor`; 0 for any.
         progress: called with (messages read, messages in all); not for tables.
 
     Raises:
@@ -152,7 +155,7 @@ def read_for_rules(
             'allowed are tables (.npz, .csv, .parquet) with columns of their names'
         )
     feature_map = FeatureMap.from_document(constraints.feature_map, where)
-    return extract(paths, feature_map, progress=progress, provenance=False)
+    return extract(paths, feature_map, max_lag=max_lag, progress=progress, provenance=False)
 
 
 def _damage(data: Dataset, constraints: Constraints) -> list[str]:

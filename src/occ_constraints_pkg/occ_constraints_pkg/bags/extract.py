@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from occ_constraints_pkg.bags.dataset import Dataset
 from occ_constraints_pkg.bags.feature_map import FeatureMap, topic_key
 from occ_constraints_pkg.bags.fields import header_stamp_ns
 from occ_constraints_pkg.bags.held import Held, TopicReader
+from occ_constraints_pkg.bags.lateness import late_words, lateness_of
 from occ_constraints_pkg.bags.manifest import select
 from occ_constraints_pkg.bags.recording import RawMessage, Recording
 from occ_constraints_pkg.bags.storage import Block
@@ -58,10 +59,18 @@ class FeatureExtractor:
 
     Args:
         feature_map: what to compute.
+        max_lag: seconds that a message may come late, see
+            :class:`~occ_constraints_pkg.bags.lateness.Lateness`; while the last message of a
+            topic came later, all values are missing. 0 for any. Stamps of tables only tell steps
+            apart and are not looked at.
     """
 
-    def __init__(self, feature_map: FeatureMap) -> None:
+    def __init__(self, feature_map: FeatureMap, max_lag: float = 0.0) -> None:
         self.feature_map = feature_map
+        self._max_lag_ns = round(max_lag * 1e9)
+        self._lateness = lateness_of(feature_map, self._max_lag_ns)
+        # The lag in ns of those topics whose last message came too late.
+        self._late: dict[str, int] = {}
         self._max_age_ns = round(feature_map.max_age * 1e9)
         self._readings = feature_map.readings
         groups: dict[str, list[int]] = {topic_key(topic): [] for topic in feature_map.topics}
@@ -80,7 +89,13 @@ class FeatureExtractor:
         self._episodes = np.empty(0)
         self._last: tuple[int | None, np.ndarray] = (None, np.empty((0, 0)))
 
-    def push(self, topic: str, message: Any, receive_time_ns: int) -> FeatureRows | None:
+    def push(
+        self,
+        topic: str,
+        message: Any,
+        receive_time_ns: int,
+        sent: tuple[int, int] | None = None,
+    ) -> FeatureRows | None:
         """Take one message; return rows if it gives some, see :class:`FeatureMap`.
 
         Args:
@@ -88,6 +103,8 @@ class FeatureExtractor:
                 message of a topic that the map does not use is ignored.
             message: a message of ``rosbags`` or ``rclpy``, or a :class:`TableMessage`.
             receive_time_ns: when it arrived, on the same clock for all topics.
+            sent: when it was published, by its publisher's system clock, and when it arrived, on a
+                clock that never jumps, in ns; None where that is not known.
 
         Raises:
             OccError: the message lacks a field or column that the map asks for, or the tables
@@ -97,6 +114,12 @@ class FeatureExtractor:
         if key not in self._readers:
             return None
         held = Held(message, header_stamp_ns(message), receive_time_ns)
+        if key in self._lateness:
+            lag = self._lateness[key].lag_ns(held.stamp, *(sent or (receive_time_ns,)))
+            if lag > self._max_lag_ns:
+                self._late[key] = lag
+            else:
+                self._late.pop(key, None)
         if key == self.pace_key:
             others = self._fresh(held, {key}) if self._held else {}
             return self._row(held, {key: held, **others})
@@ -104,6 +127,11 @@ class FeatureExtractor:
         if self._clock is None or not self._clock.is_due(held.stamp, receive_time_ns):
             return None
         return self._row(held, self._fresh(held, set()))
+
+    @property
+    def timed(self) -> Set[str]:
+        """Topics of which every message is needed, to know how late it is."""
+        return self._lateness.keys()
 
     def ages_ns(self) -> dict[str, int | None]:
         """Return how far each topic's value was from the last row, in ns; None where none came.
@@ -143,6 +171,10 @@ class FeatureExtractor:
         if back_ns > self._max_age_ns and table is None:
             # Whatever is held is of another time. Stamps of tables only tell steps apart.
             values, note = np.full_like(values, np.nan), f'time went back by {back_ns * 1e-9:.3g} s'
+        elif self._late:
+            topic, lag = next(iter(self._late.items()))
+            note = late_words(topic, lag, self._max_lag_ns)
+            values = np.full_like(values, np.nan)
         repeat = now.stamp is not None and now.stamp == last_stamp
         repeat = repeat and np.array_equal(values, last_values, equal_nan=True)
         self._last = now.stamp, values
@@ -204,6 +236,7 @@ def extract(
     paths: Sequence[str | Path],
     feature_map: FeatureMap,
     *,
+    max_lag: float = 0.0,
     progress: Callable[[int, int], None] | None = None,
     provenance: bool = True,
 ) -> Dataset:
@@ -217,6 +250,8 @@ def extract(
     Args:
         paths: rosbag2 directories, storage files, or manifests that list some.
         feature_map: what to compute.
+        max_lag: seconds that a message may come late, by its log time; 0 for any. See
+            :class:`FeatureExtractor`.
         progress: called with the number of messages of needed topics so far, and the number in
             all recordings.
         provenance: whether the sources tell hashes, for which the files are read once more, and
@@ -243,9 +278,9 @@ def extract(
     for recording, topics, selection in zip(recordings, wanted, selections, strict=True):
         part, start = CollectedRows(), recording.start_ns
         if BlockExtractor.reads(recording, topics, feature_map):
-            blocks = BlockExtractor(recording, topics, feature_map)
+            blocks = BlockExtractor(recording, topics, feature_map, max_lag)
         else:
-            blocks = _MessageExtractor(recording, topics, feature_map)
+            blocks = _MessageExtractor(recording, topics, feature_map, max_lag)
         for block in recording.blocks(list(topics.values())):
             for rows in blocks.rows(block):
                 part.add(rows, rows.times_ns - start, selection)
@@ -315,8 +350,9 @@ class _Pusher:
 
     def push(self, raw: RawMessage) -> FeatureRows | None:
         pace = self._extractor.pace_key
-        if pace and topic_key(raw.topic) != pace:
-            # Of the messages between two of the pace topic, only the last of a topic counts.
+        if pace and topic_key(raw.topic) not in (pace, *self._extractor.timed):
+            # Of the messages between two of the pace topic, only the last of a topic counts, but
+            # for their lateness.
             self._latest[raw.topic] = raw
             return None
         for held in self._latest.values():
@@ -332,11 +368,15 @@ class _MessageExtractor:
     """Computes rows message by message, in the way of live topics; for tables and fixed rates."""
 
     def __init__(
-        self, recording: Recording, topics: dict[str, str], feature_map: FeatureMap
+        self,
+        recording: Recording,
+        topics: dict[str, str],
+        feature_map: FeatureMap,
+        max_lag: float,
     ) -> None:
         self._recording = recording
         self._names = list(topics.values())
-        self._pusher = _Pusher(recording, FeatureExtractor(feature_map))
+        self._pusher = _Pusher(recording, FeatureExtractor(feature_map, max_lag))
 
     def rows(self, block: Block) -> Iterator[RowBlock]:
         """Yield the rows that each message gives."""

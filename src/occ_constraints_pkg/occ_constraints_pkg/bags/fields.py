@@ -99,6 +99,28 @@ class FieldReader:
         """The steps from the message to the field."""
         return tuple(self._steps)
 
+    def check_type(self, message: Any) -> None:
+        """Do nothing if messages of this one's type can be read; an empty one shows it.
+
+        Raises:
+            OccError: there is no such field, or it is not what the feature map says.
+        """
+        value = message
+        for place, step in enumerate(self._steps):
+            if not isinstance(step, str):
+                # What elements an array has, only a real message shows.
+                return
+            try:
+                value = getattr(value, step)
+            except AttributeError as error:
+                raise self._missing(place, value) from error
+        if self.reading.reduce in (None, 'yaw'):
+            self.number(message)
+        else:
+            self.array(message)
+            if self.reading.degrees is not None:
+                self.geometry(message)
+
     def value(self, message: Any) -> Any:
         """Follow the path, through declared fields only: not methods, constants or private ones."""
         value, is_checked = message, type(message) is self._checked

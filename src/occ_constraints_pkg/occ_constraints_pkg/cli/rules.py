@@ -8,6 +8,7 @@ from pathlib import Path
 
 import click
 
+from occ_constraints_pkg.bags.lateness import MAX_LAG_SECONDS
 from occ_constraints_pkg.bags.timeline import BRIDGE_SECONDS, TIMEOUT_SECONDS, make_timeline
 from occ_constraints_pkg.cli.common import (
     DATA,
@@ -96,6 +97,14 @@ def show(constraints: str, why: str | None, traffic: bool, as_json: bool) -> Non
     help='Seconds that a verdict stands without new input; after that the time is UNKNOWN.',
 )
 @click.option(
+    '--max-lag',
+    default=MAX_LAG_SECONDS,
+    show_default=True,
+    type=Seconds(above_zero=False),
+    help='Seconds that messages may come late, by log times and stamps, until the verdict is '
+    'UNKNOWN; 0: any.',
+)
+@click.option(
     '--bridge',
     default=BRIDGE_SECONDS,
     show_default=True,
@@ -124,6 +133,7 @@ def check(
     constraints: str,
     counted: str | None,
     timeout: float,
+    max_lag: float,
     bridge: float,
     plot: str | None,
     horizon: float | None,
@@ -153,7 +163,7 @@ def check(
     )
     draw = plot and import_needed('occ check --plot', 'occ_constraints_pkg.report.timeline_picture')
     loaded = load_constraints(constraints)
-    data = read_data(paths, loaded, constraints)
+    data = read_data(paths, loaded, constraints, max_lag=max_lag)
     rule_set = loaded.rule_set
     if not len(rule_set.order):
         warn(f'{constraints} enables no rule, so nothing is a violation')

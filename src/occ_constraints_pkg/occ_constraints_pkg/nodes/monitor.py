@@ -10,11 +10,14 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
+from rclpy.timer import Timer
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
-from occ_constraints_pkg.bags.feature_map import map_of
+from occ_constraints_pkg.bags.feature_map import FeatureMap, map_of
+from occ_constraints_pkg.bags.lateness import MAX_LAG_SECONDS
+from occ_constraints_pkg.bags.rules_reader import RulesReader, check_size
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.files import CONSTRAINTS, check_outputs
 from occ_constraints_pkg.ros.diagnostics import report_message
@@ -26,16 +29,15 @@ from occ_constraints_pkg.ros.qos import LATCHED, VERDICTS, overridable
 from occ_constraints_pkg.ros.rules_in_force import RulesInForce
 from occ_constraints_pkg.ros.tables import rule_stats_table
 from occ_constraints_pkg.ros.verdict_topics import VerdictTopics
-from occ_constraints_pkg.rules.constraints_file import (
-    Constraints,
-    load_constraints,
-    parse_constraints,
-)
+from occ_constraints_pkg.rules.constraints_file import Constraints, load_constraints
 from occ_constraints_pkg.rules.edits import RuleEdits
 from occ_constraints_pkg.rules.forecast import HORIZON_SECONDS, WINDOW_SECONDS
 
 _REPORT_SECONDS = 1.0
 _WATCH_SECONDS = 0.1
+# How often is looked whether the rules that came are read.
+_READ_SECONDS = 0.02
+_ORIGIN = 'topic constraints'
 _DEBOUNCE = {
     'trigger_count': 'violated verdicts of the last trigger_window that people are told',
     'trigger_window': 'verdicts among which they are counted',
@@ -55,7 +57,10 @@ class Monitor(ManagedNode):
         self._declare()
         self.declared()
         # The newest text on the topic constraints, and that of the rules in force.
-        self._offered = self._received = ''
+        self._offered: str | None = None
+        self._received: str | None = None
+        self._reader = RulesReader(_ORIGIN)
+        self._reading: Timer | None = None
         self._rules = RulesInForce(self)
         self._topics = VerdictTopics(self)
         self._judging = Judging(self, self._rules, self._topics)
@@ -85,6 +90,12 @@ class Monitor(ManagedNode):
         self.setting('timeout', 1.0, 'seconds without input until the verdict is UNKNOWN', low=0.01)
         self.setting(
             'max_lead', 1.0, 'seconds that a stamp may be ahead of the clock; 0: any', low=0.0
+        )
+        self.setting(
+            'max_lag',
+            MAX_LAG_SECONDS,
+            'seconds that a message may come late until the verdict is UNKNOWN; 0: any',
+            low=0.0,
         )
         self.setting(
             'prune_threshold', 0.001, 'ratio under which ~/prune disables rules', low=0.0, high=1.0
@@ -123,9 +134,10 @@ class Monitor(ManagedNode):
             inputs = [name for name in (path, self.value('counts_file')) if name]
             check_outputs({self.value('pruned_file'): CONSTRAINTS}, inputs)
         if path:
-            self._use(load_constraints(path), path, strict=True)
-        if self._offered:
-            self._take(self._offered)
+            constraints = load_constraints(path)
+            self._use(constraints, map_of(constraints, path), path, strict=True)
+        if self._offered is not None:
+            self._read(self._offered)
 
     def activate(self) -> None:
         """Begin to judge."""
@@ -141,31 +153,64 @@ class Monitor(ManagedNode):
         """Drop the rules and their topics; the counters are kept."""
         self._rules.drop()
         self._judging.close()
-        self._received = ''
+        self._reader.drop()
+        self._received = None
 
     def close(self) -> None:
         """Keep the counters."""
+        self._reader.close()
         self._rules.keep()
 
     def _on_constraints(self, message: String) -> None:
         self._offered = message.data
         if self.state in ('inactive', 'active'):
-            self._take(message.data)
+            self._read(message.data)
 
-    def _take(self, text: str) -> None:
+    def _read(self, text: str) -> None:
         # A latched rule set comes again when its publisher restarts; the counters stay.
         if text == self._received:
+            self._reader.drop()
             return
         try:
-            self._use(parse_constraints(text, 'topic constraints'), 'topic constraints')
-            self._received = text
+            check_size(text, _ORIGIN)
         except OccError as error:
-            self.get_logger().error(f'rule set refused, the one before stays: {error}')
+            self._reader.drop()
+            self._refuse(error)
+            return
+        self._reader.offer(text)
+        if self._reading is None:
+            self._reading = self.steady_timer(_READ_SECONDS, self._take)
 
-    def _use(self, constraints: Constraints, where: str, *, strict: bool = False) -> None:
-        feature_map = map_of(constraints, where)
+    def _take(self) -> None:
+        """Use the rules that came once they are read."""
+        answer = self._reader.take()
+        if not self._reader.is_busy:
+            self.destroy_timer(self._reading)
+            self._reading = None
+        if answer is None:
+            return
+        try:
+            if answer.problem:
+                raise OccError(answer.problem)
+            self._use(answer.constraints, answer.feature_map, _ORIGIN)
+            self._received = answer.text
+        # Nothing that others send may end the node, whatever is wrong with it.
+        except Exception as error:
+            self._refuse(error)
+
+    def _refuse(self, error: Exception) -> None:
+        kind = '' if isinstance(error, OccError | OSError) else f'{type(error).__name__} '
+        self.get_logger().error(f'rule set refused, the one before stays: {kind}{error}')
+
+    def _use(
+        self, constraints: Constraints, feature_map: FeatureMap, where: str, *, strict: bool = False
+    ) -> None:
+        # All that may fail comes first; then rules and topics change together.
         rules = self._rules.prepare(constraints, where, strict=strict)
-        self._judging.listen(feature_map, self.value('timeout'), self.value('max_lead'))
+        self._rules.keep()
+        self._judging.listen(
+            feature_map, self.value('timeout'), self.value('max_lead'), self.value('max_lag')
+        )
         self._rules.use(rules)
         self._judging.forget('no input since the rules came')
 

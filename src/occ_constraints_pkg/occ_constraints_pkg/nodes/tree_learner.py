@@ -117,7 +117,7 @@ class TreeLearner(OccNode):
                 f'{self.get_fully_qualified_name()}/learn is called'
             )
 
-    def _on_input(self, topic: str, message: Any) -> None:
+    def _on_input(self, topic: str, message: Any, _published_ns: int) -> None:
         now = self._arrival.now_ns()
         try:
             rows = self._extractor.push(topic, message, now)

@@ -67,20 +67,27 @@ class Judging:
         """
         self._steady = SteadyVerdict(trigger_count, trigger_window, release_count)
 
-    def listen(self, feature_map: FeatureMap, timeout: float, max_lead: float) -> None:
+    def listen(
+        self, feature_map: FeatureMap, timeout: float, max_lead: float, max_lag: float
+    ) -> None:
         """Take the features from these topics.
 
         Args:
             feature_map: names them; with an equal one no input is missed.
             timeout: seconds without new input until the verdict is UNKNOWN.
-            max_lead: see :class:`LiveFeatures`.
+            max_lead: see :class:`LiveFeatures`, as for ``max_lag``.
+            max_lag: likewise.
 
         Raises:
-            OccError: a topic's name is not valid; the topics before stay.
+            OccError: a topic cannot be subscribed to; the topics before stay.
         """
         if self._features is None:
             self._features = LiveFeatures(
-                self._node, feature_map, timeout, max_lead, self._on_rows, self._on_fault
+                self._node,
+                feature_map,
+                (timeout, max_lead, max_lag),
+                self._on_rows,
+                self._on_fault,
             )
         else:
             self._features.use(feature_map)

@@ -4,8 +4,12 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
+
+import numpy as np
 
 from occ_constraints_pkg.bags.extract import FeatureExtractor, FeatureRows
 from occ_constraints_pkg.bags.feature_map import FeatureMap
@@ -23,31 +27,33 @@ class LiveFeatures:
     Args:
         node: subscribes.
         feature_map: what to compute.
-        timeout: seconds without new input after which :attr:`silence` has something to say, and
-            that ``/clock`` may stand still.
-        max_lead: seconds that the header stamp of a message may be ahead of the clock; 0 for any.
-            Stamps of tables tell steps apart and are not looked at.
+        limits: three numbers of seconds, ``timeout``, ``max_lead``, ``max_lag``: how long nothing
+            new may come until :attr:`silence` has something to say, and ``/clock`` may stand
+            still; how far the header stamp of a message may be ahead of the clock; and how late
+            it may come (see :class:`~occ_constraints_pkg.bags.lateness.Lateness`). The latter two
+            are 0 for any, and not of tables, whose stamps tell steps apart.
         on_rows: called with each input's rows.
         on_fault: called with the reason and the stamp in ns of an input that gives none.
 
     Raises:
-        OccError: a topic's name is not valid.
+        OccError: a topic cannot be subscribed to.
     """
 
     def __init__(
         self,
         node: OccNode,
         feature_map: FeatureMap,
-        timeout: float,
-        max_lead: float,
+        limits: tuple[float, float, float],
         on_rows: Callable[[FeatureRows], None],
         on_fault: Callable[[str, int], None],
     ) -> None:
-        self._node, self._timeout, self._max_lead_ns = node, timeout, round(max_lead * 1e9)
+        self._node = node
+        self._timeout, max_lead, self._max_lag = limits
+        self._max_lead_ns = round(max_lead * 1e9)
         self._on_rows, self._on_fault = on_rows, on_fault
-        self._arrival = ArrivalClock(node, timeout)
+        self._arrival = ArrivalClock(node, self._timeout)
         self._heard = node.steady_seconds()
-        self._extractor = FeatureExtractor(feature_map)
+        self._extractor = FeatureExtractor(feature_map, self._max_lag)
         self._topics = MappedTopics(node, feature_map, self._on_message)
         self._newest: dict[str, Any] = {}
 
@@ -60,13 +66,14 @@ class LiveFeatures:
         """Compute this from now on; with an equal map nothing changes, so no input is missed.
 
         Raises:
-            OccError: a topic's name is not valid; the map before stays.
+            OccError: a topic cannot be subscribed to; the map before stays.
         """
         if feature_map == self.feature_map:
             return
+        extractor = FeatureExtractor(feature_map, self._max_lag)
         topics = MappedTopics(self._node, feature_map, self._on_message)
         self._topics.close()
-        self._topics, self._extractor = topics, FeatureExtractor(feature_map)
+        self._topics, self._extractor = topics, extractor
         self.renew()
 
     def frame(self, topic: str) -> str:
@@ -97,12 +104,15 @@ class LiveFeatures:
         """Why the time of the last message's arrival cannot be relied on; empty if it can."""
         return self._arrival.problem()
 
-    def _on_message(self, topic: str, message: Any) -> None:
+    def _on_message(self, topic: str, message: Any, published_ns: int) -> None:
         now = self._arrival.now_ns()
+        # With simulated time, publishers tell wall time and stamps do not.
+        is_told = published_ns and not self._node.get_clock().ros_time_is_active
+        sent = (published_ns, time.monotonic_ns()) if is_told else None
         self._newest[topic] = message
         try:
             self._check_stamp(topic, message, now)
-            rows = self._extractor.push(topic, message, now)
+            rows = self._extractor.push(topic, message, now, sent)
             if rows is not None and not len(rows.values):
                 raise OccError(f'topic {topic!r} brought a table without rows')
         except OccError as error:
@@ -111,6 +121,8 @@ class LiveFeatures:
             self._on_fault(str(error), header_stamp_ns(message) or now)
             return
         if rows is not None:
+            if self._topics.fault and not rows.note and np.isnan(rows.values).any():
+                rows = replace(rows, note=self._topics.fault)
             self._on_rows(rows)
 
     def _check_stamp(self, topic: str, message: Any, now_ns: int) -> None:

@@ -31,6 +31,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from rclpy.timer import Timer
 from rclpy.utilities import remove_ros_args
+from rclpy.validate_full_topic_name import validate_full_topic_name
 from rclpy.validate_topic_name import validate_topic_name
 
 from occ_constraints_pkg.documents import read_text
@@ -175,12 +176,15 @@ class OccNode(Node):
         """
         try:
             validate_topic_name(topic)
-        except NameValidationException as error:
+            # Raises what is a RuntimeError where the name grows too long by the namespace.
+            full_name = self.resolve_topic_name(topic)
+            validate_full_topic_name(full_name)
+        except (NameValidationException, RuntimeError) as error:
             raise OccError(
                 f'{topic!r} cannot name a topic; allowed are letters, digits and _, joined by /, '
-                'and no digit first'
+                'and no digit first, up to 247 characters with the namespace'
             ) from error
-        return self.resolve_topic_name(topic)
+        return full_name
 
     def let_leave(self, *publishers: Publisher, seconds: float = _LEAVE_SECONDS) -> None:
         """Wait, not for long, until reliable subscribers have what was published last."""

@@ -107,7 +107,7 @@ def test_speed_falls_near_the_boundary_and_zero_comes_without_commands(nodes, wi
     rules = nodes.folder / 'rules.yaml'
     rules_of['simple_nav'].save(rules)
     nodes.start('monitor', constraints_file=rules)
-    nodes.start('gate', slow_margin=2.0, slowest=0.5, timeout=5.0, command_timeout=0.3)
+    nodes.start('gate', slow_margin=2.0, min_speed_scale=0.5, timeout=5.0, command_timeout=0.3)
     robot = Robot(witness, kind_of(False))
     # The rule on y begins at 0.95; its demonstrated range is 0.5 wide.
     robot.state = (0.8, 0.45)

@@ -21,7 +21,7 @@ from rclpy.exceptions import (
     InvalidParameterValueException,
     NameValidationException,
 )
-from rclpy.executors import ExternalShutdownException
+from rclpy.executors import Executor, ExternalShutdownException
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -70,6 +70,10 @@ class OccNode(Node):
         self.done: Future = Future()
         super().__init__(name, **kwargs)
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+
+    def make_executor(self) -> Executor:
+        """Return what is to spin this node."""
+        return EventsExecutor()
 
     def finish(self, exit_code: int = 0) -> None:
         """End the process after the present callback."""
@@ -287,17 +291,20 @@ def _initialise(argv: list[str]) -> None:
 
 
 def _spin(node: OccNode) -> int:
-    executor = EventsExecutor()
+    executor = node.make_executor()
     executor.add_node(node)
-    while not (stop_request.made or node.done.done() or parent_is_gone()):
-        # One callback at a time: longer spins do not end while messages come faster than they are
-        # handled, whatever their timeout.
-        executor.spin_once(_LOOK_SECONDS)
-    if node.takes_the_rest:
-        # Those that have come by now, and no others, for more may come for ever.
-        rest = executor.create_task(lambda: None)
-        while not (rest.done() or node.done.done()):
+    try:
+        while not (stop_request.made or node.done.done() or parent_is_gone()):
+            # One callback at a time: longer spins do not end while messages come faster than they
+            # are handled, whatever their timeout.
             executor.spin_once(_LOOK_SECONDS)
+        if node.takes_the_rest:
+            # Those that have come by now, and no others, for more may come for ever.
+            rest = executor.create_task(lambda: None)
+            while not (rest.done() or node.done.done()):
+                executor.spin_once(_LOOK_SECONDS)
+    finally:
+        executor.shutdown()
     return node.done.result() if node.done.done() else 0
 
 

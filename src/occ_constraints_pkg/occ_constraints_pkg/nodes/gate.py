@@ -25,7 +25,7 @@ from occ_constraints_pkg.rules.gating import GateOutput, GateSettings, SpeedGate
 
 _REPORT_SECONDS = 1.0
 # Least time between two lines of the log: when the state changes, and when only the reason does.
-_LOG_SECONDS, _SAME_STATE_LOG_SECONDS = 1.0, 5.0
+_LOG_SECONDS, _SAME_STATE_LOG_SECONDS = 1.0, 2.0
 _LEVELS = {
     'PASS': DiagnosticStatus.OK,
     'SLOW': DiagnosticStatus.WARN,
@@ -70,17 +70,18 @@ class _Source:
         self.gate.judge(*read_verdict(message), timing, now)
         self.rules = violated_rule_ids(message)
 
-    def check_publishers(self) -> None:
+    def check_publishers(self, now: float) -> None:
         """Stop unless there is exactly one publisher."""
         self.publishers = self._node.count_publishers(self.topic)
         if self.publishers > 1:
             self.gate.trip(
                 f'{self.publishers} publishers on {self.topic}; allowed is one on each of '
-                'violation_topics'
+                'violation_topics',
+                now,
             )
         elif not self.publishers:
             since = 'more' if self.gate.has_begun else 'yet'
-            self.gate.trip(f'no verdict {since}: nobody publishes {self.topic}')
+            self.gate.trip(f'no verdict {since}: nobody publishes {self.topic}', now)
 
 
 class Gate(OccNode):
@@ -222,8 +223,9 @@ class Gate(OccNode):
         was_paused = now - self._ticked > self._period + self._timeout
         for source in self._sources:
             if was_paused:
-                source.gate.trip(f'the gate itself stood still for more than {self._timeout:g} s')
-            source.check_publishers()
+                reason = f'the gate itself stood still for more than {self._timeout:g} s'
+                source.gate.trip(reason, now)
+            source.check_publishers(now)
         return min((source.gate.output(now) for source in self._sources), key=_scale)
 
     def _stop(self) -> None:

@@ -13,6 +13,9 @@ from occ_constraints_pkg.rules.verdict import Verdict
 
 # Seconds by which a publisher's clock may be ahead of this computer's.
 CLOCK_TOLERANCE = 0.1
+# So long the reason of a stop is told rather than the silence that has followed: a monitor without
+# input says UNKNOWN once a second.
+_REASON_SECONDS = 1.5
 
 
 class Debounce:
@@ -221,7 +224,7 @@ class SpeedGate:
         # Steady time at which the newest accepted verdict was made.
         self._made = -math.inf
         self._stamp = self._sent = -math.inf
-        self._why_stopped = 'no verdict yet'
+        self._why_stopped, self._tripped = 'no verdict yet', -math.inf
 
     def judge(
         self, verdict: Verdict, margin: float, text: str, timing: Timing, now: float
@@ -238,7 +241,8 @@ class SpeedGate:
         """
         if self._is_silent(now):
             if self.has_begun:
-                self.trip(self._silence())
+                self._debounce.trip()
+                self._why_stopped = self._silence()
             # What has been silent may begin anew, as a simulation or a restarted monitor does.
             self._stamp = self._sent = -math.inf
         problem = self._problem(timing)
@@ -256,20 +260,21 @@ class SpeedGate:
         if verdict is not Verdict.SAFE:
             self._why_stopped = text
         if problem:
-            self.trip(problem if verdict is Verdict.SAFE else f'{text}; {problem}')
+            self.trip(problem if verdict is Verdict.SAFE else f'{text}; {problem}', now)
         elif verdict is Verdict.UNKNOWN:
-            self.trip(text)
+            self.trip(text, now)
 
-    def trip(self, reason: str) -> None:
+    def trip(self, reason: str, now: float) -> None:
         """Stop at once, for this reason; a full release is needed."""
         self._debounce.trip()
-        self._why_stopped = reason
+        self._why_stopped, self._tripped = reason, now
 
     def output(self, now: float) -> GateOutput:
         """Return what to do with commands at steady time ``now`` in seconds."""
-        if self._is_silent(now) and self.has_begun:
+        is_silent = self._is_silent(now) and self.has_begun
+        if is_silent and now - self._tripped > _REASON_SECONDS:
             return GateOutput(0.0, self._silence())
-        if self._debounce.tripped:
+        if is_silent or self._debounce.tripped:
             return GateOutput(0.0, self._why_stopped)
         settings = self.settings
         if self.verdict is Verdict.VIOLATED:

@@ -292,9 +292,7 @@ def test_a_violation_that_comes_again_and_again_stops_it(nodes, witness, pattern
     assert verdicts.is_open_within(20.0)
     for letter in pattern * 3:
         verdicts.step(verdicts.message(letter))
-    assert verdicts.never_drives(
-        2.0, lambda step: [verdicts.message(pattern[step % len(pattern)])]
-    )
+    assert verdicts.never_drives(2.0, lambda step: [verdicts.message(pattern[step % len(pattern)])])
 
 
 def test_of_several_monitors_the_worst_acts_and_each_must_be_alive(nodes, witness):

@@ -19,7 +19,13 @@ from occ_constraints_pkg.cli.common import (
     print_json,
     progress_bar,
 )
-from occ_constraints_pkg.cli.recorded_experiments import ngsim, robots, warnings, worlds
+from occ_constraints_pkg.cli.recorded_experiments import (
+    debouncing,
+    ngsim,
+    robots,
+    warnings,
+    worlds,
+)
 from occ_constraints_pkg.cli.tree_options import seed_option, tree_options, tree_settings
 from occ_constraints_pkg.errors import import_needed
 from occ_constraints_pkg.files import make_directory, replacing
@@ -35,7 +41,7 @@ def experiment() -> None:
     """
 
 
-for _command in (robots, ngsim, worlds, warnings):
+for _command in (robots, ngsim, worlds, warnings, debouncing):
     experiment.add_command(_command)
 
 

@@ -290,7 +290,10 @@ class Gate(OccNode):
         message = DiagnosticArray(status=[summary])
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
-        message.status = [summary, *(self._source_status(name, item, now) for item in self._sources)]
+        message.status = [
+            summary,
+            *(self._source_status(name, item, now) for item in self._sources),
+        ]
         self._state_publisher.publish(message)
 
     def _source_status(self, name: str, source: _Source, now: float) -> DiagnosticStatus:

@@ -226,9 +226,7 @@ class SpeedGate:
         self._stamp = self._sent = -math.inf
         self._why_stopped, self._tripped = 'no verdict yet', -math.inf
 
-    def judge(
-        self, verdict: Verdict, margin: float, text: str, timing: Timing, now: float
-    ) -> None:
+    def judge(self, verdict: Verdict, margin: float, text: str, timing: Timing, now: float) -> None:
         """Take one verdict.
 
         Args:

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Speed benchmarks behind ``occ bench NAME``: one module each.
+"""Benchmarks behind ``occ bench NAME``: one module each.
 
 Each module has ``run(seconds)``, which returns one document: ``metrics`` and ``peers`` (flat: a
 name with its unit and a number), ``settings``, ``machine`` and ``versions``. ``seconds`` has a
@@ -16,6 +16,7 @@ BENCHMARKS = {
     'train': 'the same for longer, and occ train with the true cost',
     'rules': 'judging by rules beside a decision tree of scikit-learn',
     'monitor': 'the node monitor beside a bare relay of the same messages; takes 4 minutes',
+    'gate': 'random stops, kills and restarts of monitor and gate: commands that should be zero',
     'bags': 'features of a bag beside its messages deserialized by rosbags',
     'highway': 'the world highway beside highway-env',
     'worlds': 'the Safety-Gym tasks beside a bare loop of MuJoCo steps',

@@ -20,7 +20,7 @@ from occ_constraints_pkg.rules.verdict import Judgement, Verdict
 _VERDICT_NAME = 'monitor: verdict'
 # How the name of a violated rule's status begins.
 _RULE_NAME = 'monitor: rule '
-# Key of the wall time of judging, in ns. The stamp is the input's, which a simulation or a recording
+# Key of the wall time of judging, in ns. The stamp is the input's, which a simulation or recording
 # sets as it likes, so it cannot tell a verdict of now from one that is played back.
 _JUDGED_AT = 'judged_at'
 _IS_TIME = re.compile('[0-9]{1,19}')

@@ -138,6 +138,10 @@ class Gate(OccNode):
         """Return an executor that passes on when a message was sent; that of events does not."""
         return SingleThreadedExecutor()
 
+    def begin(self) -> None:
+        """Expect the timer from now on; the start may have taken longer than it may be late."""
+        self._ticked = self.steady_seconds()
+
     def _settings(self) -> GateSettings:
         defaults = GateSettings()
         return GateSettings(

@@ -113,6 +113,8 @@ class Gate(OccNode):
         self._state_publisher = self.create_publisher(
             DiagnosticArray, '~/state', LATCHED, qos_overriding_options=overridable()
         )
+        # Before the commands: of messages that wait, the executor takes the verdicts first.
+        self._sources = [_Source(self, topic, settings) for topic in topics or ['violation']]
         self.create_subscription(
             self._kind,
             'cmd_vel_in',
@@ -120,7 +122,6 @@ class Gate(OccNode):
             COMMANDS,
             qos_overriding_options=overridable(),
         )
-        self._sources = [_Source(self, topic, settings) for topic in topics or ['violation']]
         names = [source.topic for source in self._sources]
         if len(set(names)) < len(names):
             raise OccError(

@@ -23,7 +23,13 @@ from occ_constraints_pkg.cli.common import (
     say_lines,
     tell,
 )
-from occ_constraints_pkg.cli.recorded_experiments import ngsim, robots, warnings, worlds
+from occ_constraints_pkg.cli.recorded_experiments import (
+    debouncing,
+    ngsim,
+    robots,
+    warnings,
+    worlds,
+)
 from occ_constraints_pkg.cli.tree_options import seed_option, tree_options, tree_settings
 from occ_constraints_pkg.errors import import_needed
 from occ_constraints_pkg.files import RESULTS, TABLE, make_directory, write_text
@@ -41,7 +47,7 @@ def experiment(context: click.Context) -> None:
     help_without_command(context)
 
 
-for _command in (robots, ngsim, worlds, warnings):
+for _command in (robots, ngsim, worlds, warnings, debouncing):
     experiment.add_command(_command)
 
 

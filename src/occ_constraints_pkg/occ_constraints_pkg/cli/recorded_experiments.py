@@ -148,3 +148,28 @@ def warnings(
         print_json(result)
         return
     say_lines((Path(output) / 'warnings.md').read_text(encoding='utf-8'))
+
+
+@click.command()
+@click.option('-o', '--output', default='results', show_default=True, type=click.Path())
+@click.option(
+    '--data',
+    type=click.Path(exists=True, file_okay=False),
+    help='Folder of the recordings; default: robots in OCC_TEST_DATA or in ../shared/data.',
+)
+@JSON
+def debouncing(output: str, data: str | None, as_json: bool) -> None:
+    """Compare ways of debouncing verdicts before the gate stops a robot.
+
+    On recordings as of `occ experiment robots`. Writes debouncing.json and debouncing.md.
+
+    \b
+    Example: occ experiment debouncing -o results
+    """
+    from occ_constraints_pkg.experiments.debouncing import run_debouncing
+
+    result = run_debouncing(Path(output), folder=Path(data) if data else None)
+    if as_json:
+        print_json(result)
+        return
+    say_lines((Path(output) / 'debouncing.md').read_text(encoding='utf-8'))

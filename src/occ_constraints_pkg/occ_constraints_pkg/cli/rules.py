@@ -154,7 +154,7 @@ def check(
     from occ_constraints_pkg.bags.early_warning import warning_record
     from occ_constraints_pkg.report.timeline import describe_timeline, timeline_document
     from occ_constraints_pkg.report.warnings import describe_warnings, warnings_document
-    from occ_constraints_pkg.rules import RuleCounts, Verdict
+    from occ_constraints_pkg.rules import Judgement, RuleCounts, Verdict
     from occ_constraints_pkg.rules.constraints_file import load_constraints, save_derived
 
     check_outputs(
@@ -165,9 +165,11 @@ def check(
     loaded = load_constraints(constraints)
     data = read_data(paths, loaded, constraints, max_lag=max_lag)
     rule_set = loaded.rule_set
-    if not len(rule_set.order):
-        warn(f'{constraints} enables no rule, so nothing is a violation')
-    judgement = rule_set.judge(data.values)
+    if rule_set.problem:
+        warn(f'{constraints} enables no rule, so every verdict is UNKNOWN')
+        judgement = Judgement.unknown(len(data))
+    else:
+        judgement = rule_set.judge(data.values)
     counts = RuleCounts(rule_set)
     counts.add(judgement)
     if counted:

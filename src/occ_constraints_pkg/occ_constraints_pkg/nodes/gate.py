@@ -4,18 +4,84 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Twist, TwistStamped
+from rclpy.executors import Executor, SingleThreadedExecutor
 
-from occ_constraints_pkg.ros.diagnostics import read_verdict, status
-from occ_constraints_pkg.ros.messages import scaled_twist
+from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.ros.diagnostics import (
+    read_judged_at,
+    read_verdict,
+    status,
+    violated_rule_ids,
+)
+from occ_constraints_pkg.ros.messages import scaled_twist, to_nanoseconds
 from occ_constraints_pkg.ros.process import OccNode, run_node
-from occ_constraints_pkg.ros.qos import COMMANDS, VERDICTS, overridable
-from occ_constraints_pkg.rules.gating import GateSettings, Passage, SpeedGate
+from occ_constraints_pkg.ros.qos import COMMANDS, LATCHED, VERDICTS, overridable
+from occ_constraints_pkg.rules.gating import GateOutput, GateSettings, SpeedGate, Timing
 
 _REPORT_SECONDS = 1.0
+# Least time between two lines of the log: when the state changes, and when only the reason does.
+_LOG_SECONDS, _SAME_STATE_LOG_SECONDS = 1.0, 2.0
+_LEVELS = {
+    'PASS': DiagnosticStatus.OK,
+    'SLOW': DiagnosticStatus.WARN,
+    'STOP': DiagnosticStatus.ERROR,
+}
+
+
+class _Source:
+    """One topic of verdicts, which exactly one monitor must publish.
+
+    Attributes:
+        topic: its full name.
+        gate: decides by the verdicts on it.
+        publishers: how many there are.
+        rules: ids of the rules that the newest verdict names.
+    """
+
+    def __init__(self, node: Gate, topic: str, settings: GateSettings) -> None:
+        self._node = node
+        self.topic = node.full_name(topic)
+        self.gate = SpeedGate(settings)
+        self.publishers = 0
+        self.rules: list[str] = []
+
+        # rclpy passes the middleware's times to callbacks of exactly two arguments.
+        def on_message(message: DiagnosticArray, info: dict[str, Any]) -> None:
+            node.on_verdict(self, message, info['source_timestamp'])
+
+        node.create_subscription(
+            DiagnosticArray, topic, on_message, VERDICTS, qos_overriding_options=overridable()
+        )
+
+    def judge(self, message: DiagnosticArray, sent_ns: int, now: float) -> None:
+        """Take a message that was sent at wall time ``sent_ns``."""
+        timing = Timing(
+            to_nanoseconds(message.header.stamp),
+            sent_ns,
+            read_judged_at(message),
+            time.time_ns(),
+            self._node.ros_ns(),
+        )
+        self.gate.judge(*read_verdict(message), timing, now)
+        self.rules = violated_rule_ids(message)
+
+    def check_publishers(self, now: float) -> None:
+        """Stop unless there is exactly one publisher."""
+        self.publishers = self._node.count_publishers(self.topic)
+        if self.publishers > 1:
+            self.gate.trip(
+                f'{self.publishers} publishers on {self.topic}; allowed is one on each of '
+                'violation_topics',
+                now,
+            )
+        elif not self.publishers:
+            since = 'more' if self.gate.has_begun else 'yet'
+            self.gate.trip(f'no verdict {since}: nobody publishes {self.topic}', now)
 
 
 class Gate(OccNode):
@@ -28,73 +94,116 @@ class Gate(OccNode):
         self._command_timeout = self.parameter(
             'command_timeout', 0.5, 'seconds without a command until zero is sent', low=0.01
         )
-        defaults = GateSettings()
-        self._gate = SpeedGate(
-            GateSettings(
-                slow_margin=self.parameter(
-                    'slow_margin',
-                    defaults.slow_margin,
-                    'margin under which speed is scaled down; 0: never',
-                    low=0.0,
-                ),
-                slowest=self.parameter(
-                    'slowest',
-                    defaults.slowest,
-                    'part of the speed that is left at margin 0',
-                    low=0.0,
-                    high=1.0,
-                ),
-                trigger_count=self.parameter(
-                    'trigger_count',
-                    defaults.trigger_count,
-                    'violated verdicts of the last trigger_window that stop',
-                    low=1,
-                ),
-                trigger_window=self.parameter(
-                    'trigger_window',
-                    defaults.trigger_window,
-                    'verdicts among which they are counted',
-                    low=1,
-                ),
-                release_count=self.parameter(
-                    'release_count',
-                    defaults.release_count,
-                    'safe verdicts in a row that let go again',
-                    low=1,
-                ),
-                timeout=self.parameter(
-                    'timeout', defaults.timeout, 'seconds without a verdict that stop', low=0.01
-                ),
-            )
+        topics = self.parameter(
+            'violation_topics',
+            [],
+            'topics of verdicts, one for each monitor; the worst acts; none: violation',
         )
+        settings = self._settings()
         self.declared()
+        self._period, self._timeout = 1.0 / rate, settings.timeout
         self._kind = TwistStamped if stamped else Twist
-        self._commanded = self.steady_seconds()
+        now = self.steady_seconds()
+        # When the last command came, and when the timer ran last.
+        self._commanded = self._ticked = now
         self._frame = ''
-        self._said: tuple[bytes, str] | None = None
         self._output = self.create_publisher(
             self._kind, 'cmd_vel', COMMANDS, qos_overriding_options=overridable()
         )
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
-        for kind, topic, callback, qos in (
-            (self._kind, 'cmd_vel_in', self._on_command, COMMANDS),
-            (DiagnosticArray, 'violation', self._on_violation, VERDICTS),
-        ):
-            self.create_subscription(
-                kind, topic, callback, qos, qos_overriding_options=overridable()
+        self._state_publisher = self.create_publisher(
+            DiagnosticArray, '~/state', LATCHED, qos_overriding_options=overridable()
+        )
+        # Before the commands: of messages that wait, the executor takes the verdicts first.
+        self._sources = [_Source(self, topic, settings) for topic in topics or ['violation']]
+        self.create_subscription(
+            self._kind,
+            'cmd_vel_in',
+            self._on_command,
+            COMMANDS,
+            qos_overriding_options=overridable(),
+        )
+        names = [source.topic for source in self._sources]
+        if len(set(names)) < len(names):
+            raise OccError(
+                f'violation_topics: got {", ".join(names)}; allowed is each topic only once'
             )
-        self.steady_timer(1.0 / rate, self._hold)
+        # What was published last and since when (wall time), and what the log said last and when.
+        self._shown = GateOutput(0.0)
+        self._since_ns = time.time_ns()
+        self._logged, self._log_time = GateOutput(1.0), -_SAME_STATE_LOG_SECONDS
+        self._changes = 0
+        self.steady_timer(self._period, self._on_timer)
         self.steady_timer(_REPORT_SECONDS, self._report)
+
+    def make_executor(self) -> Executor:
+        """Return an executor that passes on when a message was sent; that of events does not."""
+        return SingleThreadedExecutor()
+
+    def begin(self) -> None:
+        """Expect the timer from now on; the start may have taken longer than it may be late."""
+        self._ticked = self.steady_seconds()
+
+    def _settings(self) -> GateSettings:
+        defaults = GateSettings()
+        return GateSettings(
+            slow_margin=self.parameter(
+                'slow_margin',
+                defaults.slow_margin,
+                'margin under which speed is scaled down; 0: never',
+                low=0.0,
+            ),
+            min_speed_scale=self.parameter(
+                'min_speed_scale',
+                defaults.min_speed_scale,
+                'part of the speed that is left at margin 0',
+                low=0.0,
+                high=1.0,
+            ),
+            trigger_count=self.parameter(
+                'trigger_count',
+                defaults.trigger_count,
+                'violated verdicts of the last trigger_window that stop',
+                low=1,
+            ),
+            trigger_window=self.parameter(
+                'trigger_window',
+                defaults.trigger_window,
+                'verdicts among which they are counted',
+                low=1,
+            ),
+            release_count=self.parameter(
+                'release_count',
+                defaults.release_count,
+                'safe verdicts in a row that release again',
+                low=1,
+            ),
+            timeout=self.parameter(
+                'timeout',
+                defaults.timeout,
+                'seconds without a verdict that stop; largest age of a verdict',
+                low=0.01,
+            ),
+        )
+
+    def on_verdict(self, source: _Source, message: DiagnosticArray, sent_ns: int) -> None:
+        """Take a verdict from one of the topics."""
+        now = self.steady_seconds()
+        was_open = self._shown.scale > 0.0
+        source.judge(message, sent_ns, now)
+        output = self._decide(now)
+        if was_open and output.scale == 0.0:
+            # At once, not when the next command or the timer comes.
+            self._stop()
+        self._show(output, now)
 
     def _on_command(self, message: Any) -> None:
         now = self.steady_seconds()
         self._commanded = now
-        passage = self._gate.passage(now)
+        output = self._decide(now)
         if self._kind is TwistStamped:
             self._frame = message.header.frame_id
-        twist = scaled_twist(
-            message.twist if self._kind is TwistStamped else message, passage.scale
-        )
+        twist = scaled_twist(message.twist if self._kind is TwistStamped else message, output.scale)
         if twist is None:
             self.get_logger().error(
                 'a command with a value that is not finite is replaced by zero',
@@ -103,24 +212,27 @@ class Gate(OccNode):
             self._stop()
             return
         self._send(twist)
-        self._tell(passage)
+        self._show(output, now)
 
-    def _on_violation(self, message: DiagnosticArray) -> None:
-        was_open = self._gate.passage(self.steady_seconds()).scale > 0.0
-        self._gate.judge(*read_verdict(message), self.steady_seconds())
-        passage = self._gate.passage(self.steady_seconds())
-        if was_open and passage.scale == 0.0:
-            # At once, not when the next command or the timer comes.
-            self._stop()
-        self._tell(passage)
-
-    def _hold(self) -> None:
+    def _on_timer(self) -> None:
         """Send zero while stopped, or while nobody commands; runs on the steady clock."""
         now = self.steady_seconds()
-        passage = self._gate.passage(now)
-        if passage.scale == 0.0 or now - self._commanded > self._command_timeout:
+        output = self._decide(now)
+        self._ticked = now
+        if output.scale == 0.0 or now - self._commanded > self._command_timeout:
             self._stop()
-        self._tell(passage)
+        self._show(output, now)
+
+    def _decide(self, now: float) -> GateOutput:
+        """Return what to do with commands now: what the worst of the verdicts allows."""
+        # Until the timer has run again, for what is queued came while nobody looked.
+        was_paused = now - self._ticked > self._period + self._timeout
+        for source in self._sources:
+            if was_paused:
+                reason = f'the gate itself stood still for more than {self._timeout:g} s'
+                source.gate.trip(reason, now)
+            source.check_publishers(now)
+        return min((source.gate.output(now) for source in self._sources), key=_scale)
 
     def _stop(self) -> None:
         self._send(Twist())
@@ -134,24 +246,76 @@ class Gate(OccNode):
         message.header.frame_id = self._frame
         self._output.publish(message)
 
-    def _tell(self, passage: Passage) -> None:
-        """Report a change of state at once, to the log and to /diagnostics."""
-        level = _level(passage)
-        if self._said is not None and self._said[0] == level:
-            self._said = level, _words(passage)
+    def _show(self, output: GateOutput, now: float) -> None:
+        """Publish a change of the state at once, and log it unless it flaps."""
+        before, self._shown = self._shown, output
+        if output.state != before.state:
+            self._since_ns = time.time_ns()
+            self._changes += 1
+        is_stop_for_another_reason = output.state == 'STOP' and output != before
+        if output.state != before.state or is_stop_for_another_reason:
+            self._publish_state(output, now)
+        self._log(output, now)
+
+    def _log(self, output: GateOutput, now: float) -> None:
+        is_new_state = output.state != self._logged.state
+        if not is_new_state and (output.state != 'STOP' or output == self._logged):
             return
-        self._said = level, _words(passage)
-        self.get_logger().info(self._said[1])
-        self._report()
+        if now - self._log_time < (_LOG_SECONDS if is_new_state else _SAME_STATE_LOG_SECONDS):
+            return
+        # Those between are not told one by one.
+        flapping = f' (changed {self._changes} times since the last line)'
+        self.get_logger().info(f'{output}{flapping if self._changes > 1 else ""}')
+        self._logged, self._log_time, self._changes = output, now, 0
 
     def _report(self) -> None:
-        passage = self._gate.passage(self.steady_seconds())
-        name = f'{self.get_fully_qualified_name().lstrip("/")}: passage'
-        message = DiagnosticArray(
-            status=[status(name, _level(passage), _words(passage), {'scale': passage.scale})]
+        now = self.steady_seconds()
+        self._publish_state(self._decide(now), now)
+        others = self.count_publishers(self._output.topic_name) - 1
+        if others > 0:
+            self.get_logger().warning(
+                f'{others} other publishers on {self._output.topic_name}: what they command is '
+                'not gated',
+                throttle_duration_sec=60.0,
+            )
+
+    def _publish_state(self, output: GateOutput, now: float) -> None:
+        name = self.get_fully_qualified_name().lstrip('/')
+        summary = status(
+            f'{name}: output',
+            _LEVELS[output.state],
+            str(output),
+            {
+                'state': output.state,
+                'scale': output.scale,
+                'reason': output.reason,
+                'since': self._since_ns,
+                'other_cmd_vel_publishers': self.count_publishers(self._output.topic_name) - 1,
+            },
         )
+        message = DiagnosticArray(status=[summary])
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
+        message.status = [
+            summary,
+            *(self._source_status(name, item, now) for item in self._sources),
+        ]
+        self._state_publisher.publish(message)
+
+    def _source_status(self, name: str, source: _Source, now: float) -> DiagnosticStatus:
+        output = source.gate.output(now)
+        return status(
+            f'{name}: verdicts on {source.topic}',
+            _LEVELS[output.state],
+            str(output),
+            {
+                'state': output.state,
+                'verdict': source.gate.verdict.name,
+                'rules': ', '.join(source.rules),
+                'age': source.gate.age(now),
+                'publishers': source.publishers,
+            },
+        )
 
     def close(self) -> None:
         """Leave the robot with a zero command."""
@@ -159,16 +323,8 @@ class Gate(OccNode):
         self.let_leave(self._output)
 
 
-def _level(passage: Passage) -> bytes:
-    if passage.scale == 0.0:
-        return DiagnosticStatus.ERROR
-    return DiagnosticStatus.WARN if passage.scale < 1.0 else DiagnosticStatus.OK
-
-
-def _words(passage: Passage) -> str:
-    if passage.scale == 0.0:
-        return f'STOP: {passage.reason}'
-    return f'SLOW, {passage.scale:.0%}: {passage.reason}' if passage.scale < 1.0 else 'PASS'
+def _scale(output: GateOutput) -> float:
+    return output.scale
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -140,6 +140,8 @@ def _unusable(item: Interval, timeline: Timeline, rule_set: RuleSet) -> list[str
 
 
 def _causes(timeline: Timeline, rule_set: RuleSet) -> str:
+    if rule_set.problem:
+        return rule_set.problem
     verdict = timeline.judgement.verdict
     values, space = timeline.data.values[verdict == Verdict.UNKNOWN], rule_set.space
     unusable = ~(np.isfinite(values) & (values >= space.lows) & (values <= space.highs))

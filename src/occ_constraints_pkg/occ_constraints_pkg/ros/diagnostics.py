@@ -5,6 +5,8 @@
 from __future__ import annotations
 
 import math
+import re
+import time
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -16,6 +18,12 @@ from occ_constraints_pkg.rules.verdict import Judgement, Verdict
 
 # Name of the status that tells a robot's verdict.
 _VERDICT_NAME = 'monitor: verdict'
+# How the name of a violated rule's status begins.
+_RULE_NAME = 'monitor: rule '
+# Key of the wall time of judging, in ns. The stamp is the input's, which a simulation or recording
+# sets as it likes, so it cannot tell a verdict of now from one that is played back.
+_JUDGED_AT = 'judged_at'
+_IS_TIME = re.compile('[0-9]{1,19}')
 # Robots of a batch that one message describes at most.
 _MOST_ROBOTS = 4
 _LEVELS = {
@@ -128,6 +136,30 @@ def read_verdict(message: DiagnosticArray) -> tuple[Verdict, float, str]:
     return worst
 
 
+def read_judged_at(message: DiagnosticArray) -> int | None:
+    """Return the wall time in ns at which a monitor judged; None where no verdict tells it.
+
+    One that cannot be read is 0, which is as old as can be.
+    """
+    times = [
+        int(entry.value) if _IS_TIME.fullmatch(entry.value) else 0
+        for item in message.status
+        if item.name == _VERDICT_NAME
+        for entry in item.values
+        if entry.key == _JUDGED_AT
+    ]
+    return min(times, default=None)
+
+
+def violated_rule_ids(message: DiagnosticArray) -> list[str]:
+    """Return the ids of the rules that a message on ``violation`` names as violated."""
+    return [
+        item.name.removeprefix(_RULE_NAME)
+        for item in message.status
+        if item.name.startswith(_RULE_NAME)
+    ]
+
+
 def status(
     name: str, level: bytes, text: str, values: dict[str, object] | None = None, robot: int = 0
 ) -> DiagnosticStatus:
@@ -186,7 +218,7 @@ def _robot_statuses(
             'margin': float(margins[index]),
             **{rule_set.space.names[place]: float(sample[place]) for place in features},
         }
-        name = f'monitor: rule {rule.id}'
+        name = f'{_RULE_NAME}{rule.id}'
         statuses.append(status(name, DiagnosticStatus.ERROR, details['text'], details, robot))
     return statuses
 
@@ -194,7 +226,12 @@ def _robot_statuses(
 def _summary(
     robot: int, verdict: Verdict, margin: float, rule_set: RuleSet | None
 ) -> dict[str, object]:
-    summary = {'robot': robot, 'verdict': verdict.name, 'margin': margin}
+    summary = {
+        'robot': robot,
+        'verdict': verdict.name,
+        'margin': margin,
+        _JUDGED_AT: time.time_ns(),
+    }
     return summary if rule_set is None else {**summary, 'rule_set': rule_set.fingerprint}
 
 

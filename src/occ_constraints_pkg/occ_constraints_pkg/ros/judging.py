@@ -152,7 +152,7 @@ class Judging:
         self._features.renew()
         self._is_silent = False
         self._stamp_ns = rows.stamp_ns
-        problem = self._features.clock_problem if self.is_enabled else _DISABLED
+        problem = self._problem()
         if problem:
             self._answer = None
             self._unknown(problem)
@@ -164,6 +164,12 @@ class Judging:
         self._rules.counts.add_stamped(judgement, rows.stamp_ns)
         self._steady.add(Verdict(judgement.verdict[0]))
         self._publish_verdict(answer)
+
+    def _problem(self) -> str:
+        """Say why inputs cannot be judged; empty while they can."""
+        if not self.is_enabled:
+            return _DISABLED
+        return self._features.clock_problem or self._rules.rule_set.problem
 
     def _on_fault(self, reason: str, stamp_ns: int) -> None:
         if self._is_active:

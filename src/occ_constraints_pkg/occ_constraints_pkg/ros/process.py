@@ -22,7 +22,7 @@ from rclpy.exceptions import (
     InvalidParameterValueException,
     NameValidationException,
 )
-from rclpy.executors import ExternalShutdownException
+from rclpy.executors import Executor, ExternalShutdownException
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -122,6 +122,10 @@ class OccNode(Node):
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._has_namesake = False
         self.steady_timer(_NAMESAKE_SECONDS, self._look_for_namesakes)
+
+    def make_executor(self) -> Executor:
+        """Return what is to spin this node."""
+        return EventsExecutor()
 
     def finish(self, exit_code: int = 0) -> None:
         """End the process after the present callback."""
@@ -422,17 +426,20 @@ def _initialise(argv: list[str]) -> None:
 
 
 def _spin(node: OccNode) -> int:
-    executor = EventsExecutor()
+    executor = node.make_executor()
     executor.add_node(node)
-    while not (stop_request.made or node.done.done() or parent_is_gone()):
-        # One callback at a time: longer spins do not end while messages come faster than they are
-        # handled, whatever their timeout.
-        executor.spin_once(_LOOK_SECONDS)
-    if node.takes_the_rest:
-        # Those that have come by now, and no others, for more may come for ever.
-        rest = executor.create_task(lambda: None)
-        while not (rest.done() or node.done.done()):
+    try:
+        while not (stop_request.made or node.done.done() or parent_is_gone()):
+            # One callback at a time: longer spins do not end while messages come faster than they
+            # are handled, whatever their timeout.
             executor.spin_once(_LOOK_SECONDS)
+        if node.takes_the_rest:
+            # Those that have come by now, and no others, for more may come for ever.
+            rest = executor.create_task(lambda: None)
+            while not (rest.done() or node.done.done()):
+                executor.spin_once(_LOOK_SECONDS)
+    finally:
+        executor.shutdown()
     return node.done.result() if node.done.done() else 0
 
 

@@ -123,7 +123,7 @@ class RulesInForce:
         if rules.left_out:
             log.warning(f'some of the edits by parameter speak of no rule of {rules.where}')
         if not len(rule_set.order):
-            log.warning(f'{rules.where} enables no rule, so nothing will be a violation')
+            log.warning(f'{rules.where} enables no rule, so every verdict will be UNKNOWN')
         self._topic.publish(String(data=json.dumps(rules_document(rule_set))))
 
     def check(self, edits: RuleEdits) -> None:

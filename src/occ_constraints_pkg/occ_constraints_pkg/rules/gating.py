@@ -11,6 +11,12 @@ from dataclasses import dataclass
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.rules.verdict import Verdict
 
+# Seconds by which a publisher's clock may be ahead of this computer's.
+CLOCK_TOLERANCE = 0.1
+# So long the reason of a stop is told rather than the silence that has followed: a monitor without
+# input says UNKNOWN once a second.
+_REASON_SECONDS = 1.5
+
 
 class Debounce:
     """A switch that trips after some bad samples and releases after some good ones.
@@ -42,11 +48,16 @@ class Debounce:
         self._window: deque[bool] = deque(maxlen=trigger_window)
         self._good_in_a_row = 0
 
+    @property
+    def bad_count(self) -> int:
+        """How many samples of the window are bad."""
+        return sum(self._window)
+
     def add(self, is_bad: bool) -> None:
         """Take one more sample."""
         self._window.append(is_bad)
         self._good_in_a_row = 0 if is_bad else self._good_in_a_row + 1
-        if sum(self._window) >= self._trigger_count:
+        if self.bad_count >= self._trigger_count:
             self.tripped = True
         elif self._good_in_a_row >= self._release_count:
             self.tripped = False
@@ -92,35 +103,39 @@ class GateSettings:
     Attributes:
         slow_margin: margin, in parts of the demonstrated range, under which speed is scaled down;
             0: never.
-        slowest: part of the speed that is left at margin 0, from 0 to 1.
+        min_speed_scale: part of the speed that is left at margin 0, from 0 to 1.
         trigger_count: violated verdicts of the last ``trigger_window`` that stop.
-        trigger_window: see there.
-        release_count: safe verdicts in a row that let go again.
-        timeout: seconds without a verdict that stop.
+        trigger_window: see there. With 2 of 20, whatever is violated at least once in 19 verdicts
+            stops at its second violation.
+        release_count: safe verdicts in a row that release again.
+        timeout: seconds without a verdict that stop, and the largest age of a verdict.
 
     Raises:
         OccError: a number is out of its range.
     """
 
     slow_margin: float = 0.1
-    slowest: float = 0.3
+    min_speed_scale: float = 0.3
     trigger_count: int = 2
-    trigger_window: int = 3
+    trigger_window: int = 20
     release_count: int = 5
     timeout: float = 0.5
 
     def __post_init__(self) -> None:
-        if not (self.slow_margin >= 0.0 and 0.0 <= self.slowest <= 1.0 and self.timeout > 0.0):
+        if not (
+            self.slow_margin >= 0.0 and 0.0 <= self.min_speed_scale <= 1.0 and self.timeout > 0.0
+        ):
             raise OccError(
-                f'slow_margin {self.slow_margin}, slowest {self.slowest}, timeout {self.timeout}: '
-                'allowed are a margin from 0 on, a part from 0 to 1, and a time above 0 s'
+                f'slow_margin {self.slow_margin}, min_speed_scale {self.min_speed_scale}, timeout '
+                f'{self.timeout}: allowed are a margin from 0 on, a part from 0 to 1, and a time '
+                'above 0 s'
             )
         Debounce(self.trigger_count, self.trigger_window, self.release_count)
 
 
 @dataclass(frozen=True)
-class Passage:
-    """What a gate lets through.
+class GateOutput:
+    """What a gate does to commands.
 
     Attributes:
         scale: factor on the commanded speed, 0 (stop) to 1 (as commanded).
@@ -130,65 +145,175 @@ class Passage:
     scale: float
     reason: str = ''
 
+    @property
+    def state(self) -> str:
+        """``STOP``, ``SLOW`` or ``PASS``."""
+        if self.scale == 0.0:
+            return 'STOP'
+        return 'SLOW' if self.scale < 1.0 else 'PASS'
+
+    def __str__(self) -> str:
+        if self.state == 'SLOW':
+            # Rounding must not turn it into a stop, or into no slowing at all.
+            percent = min(99, max(1, round(100.0 * self.scale)))
+            return f'SLOW, {percent}%: {self.reason}'
+        return f'{self.state}: {self.reason}' if self.reason else self.state
+
+
+@dataclass(frozen=True)
+class Timing:
+    """When a verdict was made, as its message and the middleware report it, in ns.
+
+    Attributes:
+        stamp: of the message's header: that of the input.
+        sent: wall time at which its publisher sent it.
+        judged: wall time at which the monitor judged; None where the message does not say.
+        wall: the receiver's wall time.
+        clock: the receiver's clock that stamps are compared with where ``judged`` is missing.
+    """
+
+    stamp: int
+    sent: int
+    judged: int | None
+    wall: int
+    clock: int
+
+    @property
+    def age(self) -> float:
+        """Seconds since the earliest of the times that tell when it was made; below 0: ahead."""
+        ages = [self.wall - self.sent]
+        # A stamp alone cannot tell: a monitor may judge a simulation that runs ahead, or a
+        # recording. A verdict without the time of judging must carry a stamp of now.
+        ages.append(self.clock - self.stamp if self.judged is None else self.wall - self.judged)
+        return max(ages) * 1e-9
+
+    @property
+    def lead(self) -> float:
+        """Seconds by which the latest of these times is ahead of the clock."""
+        leads = [self.sent - self.wall]
+        leads.append(self.stamp - self.clock if self.judged is None else self.judged - self.wall)
+        return max(leads) * 1e-9
+
 
 class SpeedGate:
-    """Decides from verdicts how much of a commanded speed may pass.
+    """Decides from the verdicts of one monitor how much of a commanded speed may pass.
 
-    It is shut until the first verdicts are safe. A violation stops after debouncing; until then
-    speed is at its slowest. UNKNOWN stops at once, and so does silence. After any stop,
-    ``release_count`` safe verdicts in a row are needed.
+    It is shut until the first verdicts are safe, and it opens on proof only: a safe verdict counts
+    if it is younger than ``timeout``, and its stamp and its time of sending come after those of
+    the verdict before. Whatever is older, out of order or ahead of the clock stops. A verdict with
+    the stamp of the newest one is a repeat: a safe one is passed over, and keeps nothing open.
+
+    A violation stops after debouncing; until then speed is at its minimum. UNKNOWN stops at once,
+    and so does silence. After any stop, ``release_count`` safe verdicts in a row are needed.
+
+    Attributes:
+        settings: when it slows down and stops.
+        verdict: the newest verdict; UNKNOWN before the first.
     """
 
     def __init__(self, settings: GateSettings) -> None:
         self.settings = settings
+        self.verdict = Verdict.UNKNOWN
         self._debounce = Debounce(
             settings.trigger_count, settings.trigger_window, settings.release_count
         )
         self._debounce.trip()
         self._margin = math.nan
-        self._heard = -math.inf
-        self._why_stopped = 'no verdict yet'
+        # Why it is below full speed while the newest verdict is a violation.
+        self._text = ''
+        # Steady time at which the newest accepted verdict was made.
+        self._made = -math.inf
+        self._stamp = self._sent = -math.inf
+        self._why_stopped, self._tripped = 'no verdict yet', -math.inf
 
-    def judge(self, verdict: Verdict, margin: float, words: str, now: float) -> None:
+    def judge(self, verdict: Verdict, margin: float, text: str, timing: Timing, now: float) -> None:
         """Take one verdict.
 
         Args:
             verdict: of the monitor.
-            margin: the monitor's; only read if SAFE. One that is no number counts as UNKNOWN.
-            words: the verdict in words, for the reason.
+            margin: the monitor's; only read if SAFE. One that is not finite counts as UNKNOWN, for
+                there is none without an enabled rule.
+            text: the verdict in words, for the reason.
+            timing: when it was made.
             now: steady time in seconds.
         """
         if self._is_silent(now):
-            self._debounce.trip()
-            if not math.isinf(self._heard):
+            if self.has_begun:
+                self._debounce.trip()
                 self._why_stopped = self._silence()
-        self._heard, self._margin = now, margin
-        if verdict is Verdict.UNKNOWN or (verdict is Verdict.SAFE and math.isnan(margin)):
-            self._debounce.add(True)
-            self._debounce.trip()
-        else:
-            self._debounce.add(verdict is Verdict.VIOLATED)
+            # What has been silent may begin anew, as a simulation or a restarted monitor does.
+            self._stamp = self._sent = -math.inf
+        problem = self._problem(timing)
+        if not problem:
+            is_repeat = timing.stamp == self._stamp or timing.sent == self._sent
+            self._stamp = max(self._stamp, timing.stamp)
+            self._sent = max(self._sent, timing.sent)
+            if is_repeat and verdict is Verdict.SAFE:
+                return
+            self._made = now - max(0.0, timing.age)
+        if verdict is Verdict.SAFE and not math.isfinite(margin):
+            verdict, text = Verdict.UNKNOWN, f'UNKNOWN: SAFE with the margin {margin:g}'
+        self.verdict, self._margin, self._text = verdict, margin, text
+        self._debounce.add(verdict is not Verdict.SAFE)
         if verdict is not Verdict.SAFE:
-            self._why_stopped = words
-            # Not yet tripped: as slow as at the boundary.
-            self._margin = 0.0
+            self._why_stopped = text
+        if problem:
+            self.trip(problem if verdict is Verdict.SAFE else f'{text}; {problem}', now)
+        elif verdict is Verdict.UNKNOWN:
+            self.trip(text, now)
 
-    def passage(self, now: float) -> Passage:
-        """Return what may pass at steady time ``now`` in seconds."""
-        if math.isinf(self._heard):
-            return Passage(0.0, self._why_stopped)
-        if self._is_silent(now):
-            return Passage(0.0, self._silence())
-        if self._debounce.tripped:
-            return Passage(0.0, self._why_stopped)
-        slow, slowest = self.settings.slow_margin, self.settings.slowest
-        if self._margin >= slow:
-            return Passage(1.0)
-        inside = max(0.0, self._margin) / slow if slow > 0.0 else 0.0
-        return Passage(slowest + (1.0 - slowest) * inside, f'margin {self._margin:.3g}')
+    def trip(self, reason: str, now: float) -> None:
+        """Stop at once, for this reason; a full release is needed."""
+        self._debounce.trip()
+        self._why_stopped, self._tripped = reason, now
+
+    def output(self, now: float) -> GateOutput:
+        """Return what to do with commands at steady time ``now`` in seconds."""
+        is_silent = self._is_silent(now) and self.has_begun
+        if is_silent and now - self._tripped > _REASON_SECONDS:
+            return GateOutput(0.0, self._silence())
+        if is_silent or self._debounce.tripped:
+            return GateOutput(0.0, self._why_stopped)
+        settings = self.settings
+        if self.verdict is Verdict.VIOLATED:
+            verdict, _, rule = self._text.partition(': ')
+            count = f'({self._debounce.bad_count} of {settings.trigger_count})'
+            reason = f'{verdict} {count}: {rule}' if rule else f'{verdict} {count}'
+            return GateOutput(settings.min_speed_scale, reason)
+        if self._margin >= settings.slow_margin:
+            return GateOutput(1.0)
+        inside = max(0.0, self._margin) / settings.slow_margin if settings.slow_margin else 0.0
+        scale = settings.min_speed_scale + (1.0 - settings.min_speed_scale) * inside
+        return GateOutput(scale, f'margin {self._margin:.3g} is below {settings.slow_margin:g}')
+
+    @property
+    def has_begun(self) -> bool:
+        """Whether any verdict has been accepted yet."""
+        return not math.isinf(self._made)
+
+    def age(self, now: float) -> float:
+        """Return the seconds since the newest accepted verdict was made; inf before the first."""
+        return now - self._made
+
+    def _problem(self, timing: Timing) -> str:
+        """Say why a verdict proves nothing about now; empty where it does."""
+        limit = self.settings.timeout
+        if timing.age > limit:
+            return f'a verdict came that was made more than {limit:g} s ago'
+        if timing.lead > CLOCK_TOLERANCE:
+            return (
+                f'a verdict came from more than {CLOCK_TOLERANCE:g} s ahead of the clock here; '
+                'are the clocks of both computers set?'
+            )
+        if timing.stamp < self._stamp:
+            return 'a verdict came whose stamp is before that of an earlier one'
+        if timing.sent < self._sent:
+            return 'a verdict came that was sent before an earlier one'
+        return ''
 
     def _is_silent(self, now: float) -> bool:
-        return now - self._heard > self.settings.timeout
+        return self.age(now) > self.settings.timeout
 
     def _silence(self) -> str:
-        return f'no verdict for {self.settings.timeout:g} s'
+        reason = f'no verdict for {self.settings.timeout:g} s'
+        return reason if self.verdict is Verdict.SAFE else f'{reason}, the last was {self._text}'

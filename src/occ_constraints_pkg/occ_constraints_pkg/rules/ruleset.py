@@ -98,6 +98,15 @@ class RuleSet:
             sorted(enabled, key=lambda index: len(self.rules[index].literals)), dtype=np.int64
         )
 
+    @property
+    def problem(self) -> str:
+        """Why nothing can be called safe by these rules; empty where it can.
+
+        The formula of no rule is violated nowhere, so :meth:`judge` calls all samples SAFE; whoever
+        reports verdicts must report UNKNOWN instead.
+        """
+        return '' if len(self.order) else 'no rule is enabled'
+
     @cached_property
     def fingerprint(self) -> str:
         """Twelve hex digits that name the formula: features, bounds, enabled rules in order."""

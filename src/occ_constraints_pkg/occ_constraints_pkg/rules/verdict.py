@@ -38,6 +38,12 @@ class Judgement:
     rule: np.ndarray
     margin: np.ndarray
 
+    @classmethod
+    def unknown(cls, count: int) -> Judgement:
+        """Return UNKNOWN for so many samples."""
+        verdict = np.full(count, Verdict.UNKNOWN, dtype=np.int8)
+        return cls(verdict, np.full(count, -1), np.full(count, np.nan))
+
     @property
     def cost(self) -> np.ndarray:
         """(n,) float64: 1.0 where not SAFE, else 0.0."""

@@ -17,6 +17,7 @@ BENCHMARKS = {
     'rules': 'judging by rules beside a decision tree of scikit-learn',
     'monitor': 'the node monitor beside a bare relay of the same messages; takes 4 minutes',
     'record': 'what a recorder of 200 topics loses when it is killed; takes 5 minutes',
+    'gate': 'random stops, kills and restarts of monitor and gate: commands that should be zero',
     'bags': 'features of a bag beside its messages deserialized by rosbags',
     'highway': 'the world highway beside highway-env',
     'worlds': 'the Safety-Gym tasks beside a bare loop of MuJoCo steps',

@@ -88,10 +88,11 @@ class KeptCounts(RuleCounts):
             'until_ns': self.until_ns,
             'rules': rules,
         }
-        if self._other and Path(self._path).is_file():
+        if self._other:
             try:
                 target = Path(os.path.realpath(self._path))
-                target.replace(_free_name(f'{self._path}.{self._other}'))
+                if target.is_file():
+                    target.replace(_free_name(f'{self._path}.{self._other}'))
             except OSError as error:
                 raise OccError(f'cannot write {self._path}: {error.strerror or error}') from error
         self._other = ''

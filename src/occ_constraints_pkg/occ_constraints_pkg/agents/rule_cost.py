@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from occ_constraints_pkg.bags.feature_map import FeatureMap
+from occ_constraints_pkg.features.feature_map import FeatureMap
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.rules.constraints_file import Constraints
 from occ_constraints_pkg.rules.ruleset import RuleCounts

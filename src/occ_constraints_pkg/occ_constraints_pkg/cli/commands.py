@@ -18,7 +18,7 @@ from occ_constraints_pkg.cli.drive import drive
 from occ_constraints_pkg.cli.experiments import experiment
 from occ_constraints_pkg.cli.export import export
 from occ_constraints_pkg.cli.features import features
-from occ_constraints_pkg.cli.importing import import_
+from occ_constraints_pkg.cli.traffic import import_
 from occ_constraints_pkg.cli.learning import learn
 from occ_constraints_pkg.cli.nodes import node, play, record
 from occ_constraints_pkg.cli.rules import check, prune, score, show, simplify

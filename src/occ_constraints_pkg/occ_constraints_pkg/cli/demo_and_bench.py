@@ -10,7 +10,7 @@ import click
 
 from occ_constraints_pkg.cli.common import JSON, Seconds, end_tidily, print_json, say
 from occ_constraints_pkg.errors import import_needed
-from occ_constraints_pkg.experiments.benchmarks import BENCHMARKS
+from benchmarks import BENCHMARKS
 
 
 @click.command()
@@ -25,7 +25,7 @@ def demo(output: str, train_seconds: float) -> int:
     # Some are needed at the end only, but a missing module must show now.
     for module in ('report.demo_page', 'experiments.witness'):
         import_needed('occ demo', f'occ_constraints_pkg.{module}')
-    run_demo = import_needed('occ demo', 'occ_constraints_pkg.experiments.demo').run_demo
+    run_demo = import_needed('occ demo', 'occ_constraints_pkg.demo.demo').run_demo
     end_tidily()
     return run_demo(Path(output), train_seconds=train_seconds)
 
@@ -45,7 +45,7 @@ def bench(name: str, seconds: float | None, as_json: bool) -> None:
     Example: occ bench loop --json
     """
     module = import_needed(
-        f'occ bench {name}', f'occ_constraints_pkg.experiments.benchmarks.{name}'
+        f'occ bench {name}', f'benchmarks.{name}'
     )
     end_tidily()
     result = module.run() if seconds is None else module.run(seconds)

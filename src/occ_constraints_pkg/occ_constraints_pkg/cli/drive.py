@@ -73,7 +73,7 @@ def drive(
         numbers = _drive_highway(world, driver, Path(output), seed, constraints)
         _tell(output, numbers, as_json)
         return
-    film = import_needed('occ drive', 'occ_constraints_pkg.report.film')
+    film = import_needed('occ drive', 'occ_constraints_pkg.worlds.film')
     check_outputs({output: film.kind_of(Path(output))}, [driver])
     simulated = make_world(world, 1)
     act = find_driver(simulated, driver, np.random.default_rng(seed))
@@ -100,7 +100,7 @@ def _drive_highway(
     from occ_constraints_pkg.rules.constraints_file import load_constraints
     from occ_constraints_pkg.worlds.registry import world_class
 
-    film = import_needed('occ drive', 'occ_constraints_pkg.report.highway_film')
+    film = import_needed('occ drive', 'occ_constraints_pkg.agents.highway_film')
     check_outputs({output: film.kind_of(output)}, [driver, *([constraints] if constraints else [])])
     kind = world_class(world)
     if number >= kind.scenarios:

@@ -72,7 +72,7 @@ def article(
     \b
     Example: occ experiment article --set Iris -o results
     """
-    module = import_needed('occ experiment', 'occ_constraints_pkg.experiments.article')
+    module = import_needed('occ experiment', 'experiments.article')
     with progress_bar('lines') as progress:
         result = module.run_article(
             Path(output),
@@ -136,7 +136,7 @@ def highway(
     \b
     Example: occ experiment highway --set restricted -o results/highway
     """
-    module = import_needed('occ experiment', 'occ_constraints_pkg.experiments.highway')
+    module = import_needed('occ experiment', 'experiments.highway')
     given |= {name: value for name, value in (('sets', sets), ('agents', agents)) if value}
     with stop_request.listening(), progress_bar('training') as progress:
         result = module.run_highway(
@@ -173,7 +173,7 @@ def truth(
     \b
     Example: occ experiment truth --world PointGoal1 -o results
     """
-    module = import_needed('occ experiment', 'occ_constraints_pkg.experiments.truth')
+    module = import_needed('occ experiment', 'experiments.truth')
     with progress_bar('lines') as progress:
         result = module.run_truth(
             Path(output),
@@ -210,7 +210,7 @@ def alarms(output: str, as_json: bool, **given: Any) -> None:
     \b
     Example: occ experiment alarms -o results
     """
-    module = import_needed('occ experiment', 'occ_constraints_pkg.experiments.alarms')
+    module = import_needed('occ experiment', 'experiments.alarms')
     with progress_bar('draws') as progress:
         result = module.run_alarms(module.AlarmSettings(**given), progress=progress)
     table = module.markdown(result)
@@ -257,13 +257,13 @@ def depth(
     """
     import numpy as np
 
-    from occ_constraints_pkg.bags.demonstrations import read_demonstrations
-    from occ_constraints_pkg.bags.feature_map import load_feature_map
-    from occ_constraints_pkg.learning.ablation import ablate_depth
-    from occ_constraints_pkg.report.depths import depths_document, describe_depths
+    from occ_constraints_pkg.datasets.demonstrations import read_demonstrations
+    from occ_constraints_pkg.features.feature_map import load_feature_map
+    from occ_constraints_pkg.learning.depths import ablate_depth
+    from occ_constraints_pkg.learning.depths_text import depths_document, describe_depths
 
     # Needed at the end only, but a missing module must show now.
-    picture = import_needed('occ experiment', 'occ_constraints_pkg.report.depth_picture')
+    picture = import_needed('occ experiment', 'occ_constraints_pkg.learning.depths_picture')
     settings = tree_settings(**tree)
     feature_map = None if map_name is None else load_feature_map(map_name)
     truth = None
@@ -329,7 +329,7 @@ def transfer(output: str, as_json: bool, **given: Any) -> None:
 
     check_world(given['target'])
     check_driver(given['source'], given['expert'])
-    module = import_needed('occ experiment', 'occ_constraints_pkg.experiments.transfer')
+    module = import_needed('occ experiment', 'experiments.transfer')
     settings = module.TransferSettings(**given)
     total = settings.steps * settings.seeds
     with progress_bar('training', detail=True) as progress:

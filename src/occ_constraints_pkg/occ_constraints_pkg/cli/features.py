@@ -46,9 +46,9 @@ def suggest(bag: str, output: str | None, as_json: bool) -> None:
     \b
     Example: occ features suggest bags/drive_1 -o my_robot.yaml
     """
-    from occ_constraints_pkg.bags.recording import Recording
-    from occ_constraints_pkg.bags.suggest import suggest as suggest_map
-    from occ_constraints_pkg.report.features import suggestion_text, yield_document
+    from occ_constraints_pkg.rosbag.recording import Recording
+    from occ_constraints_pkg.suggestion.suggest import suggest as suggest_map
+    from occ_constraints_pkg.suggestion.text import suggestion_text, yield_document
 
     if output and Path(output).exists():
         raise OccError(f'{output} exists already; allowed is a new file, for maps are edited')
@@ -95,10 +95,10 @@ def check(bag: str, map_name: str, as_json: bool) -> int:
     \b
     Example: occ features check bags/drive_1 my_robot.yaml
     """
-    from occ_constraints_pkg.bags.feature_map import load_feature_map
-    from occ_constraints_pkg.bags.recording import Recording
-    from occ_constraints_pkg.bags.yields import inspect
-    from occ_constraints_pkg.report.features import describe_yield, yield_document
+    from occ_constraints_pkg.features.feature_map import load_feature_map
+    from occ_constraints_pkg.rosbag.recording import Recording
+    from occ_constraints_pkg.suggestion.statistics import inspect
+    from occ_constraints_pkg.suggestion.text import describe_yield, yield_document
 
     feature_map = load_feature_map(map_name)
     with progress_bar('reading') as progress:

@@ -21,7 +21,7 @@ from occ_constraints_pkg.cli.common import (
 )
 from occ_constraints_pkg.cli.tree_options import seed_option, tree_options, tree_settings
 from occ_constraints_pkg.files import CONSTRAINTS, check_outputs
-from occ_constraints_pkg.report.rules import describe_promise, describe_rules
+from occ_constraints_pkg.learning.rules_text import describe_promise, describe_rules
 from occ_constraints_pkg.wording import count_of
 
 
@@ -65,9 +65,9 @@ def learn(
     """
     import numpy as np
 
-    from occ_constraints_pkg.bags.demonstrations import learn_from_files
-    from occ_constraints_pkg.bags.feature_map import load_feature_map
-    from occ_constraints_pkg.learning.promise import loss_words
+    from occ_constraints_pkg.datasets.demonstrations import learn_from_files
+    from occ_constraints_pkg.features.feature_map import load_feature_map
+    from occ_constraints_pkg.learning.guarantee import loss_words
     from occ_constraints_pkg.learning.simplification import size
     from occ_constraints_pkg.rules.constraints_file import save_learned
 

@@ -32,7 +32,7 @@ def robots(output: str, data: str | None, kinds: tuple[str, ...], as_json: bool)
     \b
     Example: occ experiment robots --data recordings --kind tb3 -o results
     """
-    from occ_constraints_pkg.experiments.robots import run_robots
+    from experiments.robots import run_robots
 
     with progress_bar('kinds') as progress:
         result = run_robots(
@@ -63,7 +63,7 @@ def ngsim(output: str, data: str | None, seeds: int, as_json: bool) -> None:
     \b
     Example: occ experiment ngsim -o results
     """
-    from occ_constraints_pkg.experiments.ngsim import run_ngsim
+    from experiments.ngsim import run_ngsim
 
     with progress_bar('learning') as progress:
         result = run_ngsim(
@@ -92,7 +92,7 @@ def worlds(output: str, episodes: int, data: str | None, as_json: bool) -> None:
     \b
     Example: occ experiment worlds -o results
     """
-    module = import_needed('occ experiment', 'occ_constraints_pkg.experiments.worlds')
+    module = import_needed('occ experiment', 'experiments.worlds')
     with progress_bar('comparing') as progress:
         result = module.run_worlds(
             episodes=episodes, folder=Path(data) if data else None, progress=progress
@@ -134,7 +134,7 @@ def warnings(
     \b
     Example: occ experiment warnings -o results
     """
-    from occ_constraints_pkg.experiments.warnings import run_warnings
+    from experiments.warnings import run_warnings
 
     with progress_bar('sets') as progress:
         result = run_warnings(
@@ -166,7 +166,7 @@ def debouncing(output: str, data: str | None, as_json: bool) -> None:
     \b
     Example: occ experiment debouncing -o results
     """
-    from occ_constraints_pkg.experiments.debouncing import run_debouncing
+    from experiments.debouncing import run_debouncing
 
     result = run_debouncing(Path(output), folder=Path(data) if data else None)
     if as_json:

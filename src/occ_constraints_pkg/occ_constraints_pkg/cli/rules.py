@@ -8,8 +8,8 @@ from pathlib import Path
 
 import click
 
-from occ_constraints_pkg.bags.lateness import MAX_LAG_SECONDS
-from occ_constraints_pkg.bags.timeline import BRIDGE_SECONDS, TIMEOUT_SECONDS, make_timeline
+from occ_constraints_pkg.features.lateness import MAX_LAG_SECONDS
+from occ_constraints_pkg.checking.timeline import BRIDGE_SECONDS, TIMEOUT_SECONDS, make_timeline
 from occ_constraints_pkg.cli.common import (
     DATA,
     JSON,
@@ -26,9 +26,9 @@ from occ_constraints_pkg.cli.common import (
 )
 from occ_constraints_pkg.errors import OccError, import_needed
 from occ_constraints_pkg.files import CONSTRAINTS, PICTURE, check_outputs
-from occ_constraints_pkg.report.evidence import describe_why, why_document
-from occ_constraints_pkg.report.rules import describe_promise, describe_rules
-from occ_constraints_pkg.report.traffic import rule_rows, rules_table
+from occ_constraints_pkg.learning.evidence_text import describe_why, why_document
+from occ_constraints_pkg.learning.rules_text import describe_promise, describe_rules
+from occ_constraints_pkg.traffic.rules_text import rule_rows, rules_table
 from occ_constraints_pkg.rules.forecast import WINDOW_SECONDS
 from occ_constraints_pkg.wording import count_of
 
@@ -151,9 +151,9 @@ def check(
     """
     import numpy as np
 
-    from occ_constraints_pkg.bags.early_warning import warning_record
-    from occ_constraints_pkg.report.timeline import describe_timeline, timeline_document
-    from occ_constraints_pkg.report.warnings import describe_warnings, warnings_document
+    from occ_constraints_pkg.checking.early_warning import warning_record
+    from occ_constraints_pkg.checking.timeline_text import describe_timeline, timeline_document
+    from occ_constraints_pkg.checking.early_warning_text import describe_warnings, warnings_document
     from occ_constraints_pkg.rules import Judgement, RuleCounts, Verdict
     from occ_constraints_pkg.rules.constraints_file import load_constraints, save_derived
 
@@ -161,7 +161,7 @@ def check(
         [(path, kind) for path, kind in ((counted, CONSTRAINTS), (plot, PICTURE)) if path],
         [constraints, *paths],
     )
-    draw = plot and import_needed('occ check --plot', 'occ_constraints_pkg.report.timeline_picture')
+    draw = plot and import_needed('occ check --plot', 'occ_constraints_pkg.checking.timeline_picture')
     loaded = load_constraints(constraints)
     data = read_data(paths, loaded, constraints, max_lag=max_lag)
     rule_set = loaded.rule_set
@@ -233,7 +233,7 @@ def score(constraints: str, paths: tuple[str, ...], min_f1: float | None, as_jso
     Example: occ score constraints.yaml bags/drive_7 --min-f1 0.9
     """
     from occ_constraints_pkg.learning.scoring import score_rules
-    from occ_constraints_pkg.report.scores import describe_score, score_document
+    from occ_constraints_pkg.learning.scoring_text import describe_score, score_document
     from occ_constraints_pkg.rules.constraints_file import load_constraints
 
     loaded = load_constraints(constraints)

@@ -175,7 +175,7 @@ def _train_one(run: Any, settings: Any, output: Path, resume: bool, as_json: boo
 def _train_several(
     settings: Any, seeds: range, output: Path, resume: bool, limit: float, as_json: bool
 ) -> None:
-    from occ_constraints_pkg.experiments.seeds import seeds_summary, train_seeds
+    from occ_constraints_pkg.agents.seeds import seeds_summary, train_seeds
 
     arguments = [settings.world, '--cost', settings.cost, '--cost-limit', str(settings.cost_limit)]
     arguments += ['--steps', str(settings.steps), '--robots', str(settings.robots)]
@@ -211,7 +211,7 @@ def _train_several(
 
 def _draw_curves(output: Path, histories: list, limit: float, cost: str) -> None:
     try:
-        from occ_constraints_pkg.report.curves import draw_training
+        from occ_constraints_pkg.agents.curves import draw_training
     except ModuleNotFoundError:
         tell("no curves.png: it needs the extra 'report'")
         return

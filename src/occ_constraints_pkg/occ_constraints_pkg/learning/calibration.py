@@ -21,7 +21,7 @@ import numpy as np
 from scipy.special import betaincinv
 
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.learning.promise import CONFIDENCE, Calibration
+from occ_constraints_pkg.learning.guarantee import CONFIDENCE, Calibration
 from occ_constraints_pkg.learning.tree import Node
 from occ_constraints_pkg.rules.space import FeatureSpace
 

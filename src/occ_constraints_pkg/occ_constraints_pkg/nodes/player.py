@@ -11,8 +11,8 @@ from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
-from occ_constraints_pkg.bags.playback import Playback, is_latched
-from occ_constraints_pkg.bags.recording import Recording
+from occ_constraints_pkg.rosbag.playback import Playback, is_latched
+from occ_constraints_pkg.rosbag.recording import Recording
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.ros.bag_topics import RCLError, profile_to_play, topic_filter
 from occ_constraints_pkg.ros.messages import message_class, to_time

@@ -10,7 +10,7 @@ from sensor_msgs.msg import PointCloud2
 from occ_constraints_pkg.agents.drivers import check_name, find_driver
 from occ_constraints_pkg.agents.policy import GaussianPolicy
 from occ_constraints_pkg.agents.scripted import Driver
-from occ_constraints_pkg.bags.serialized_tables import TableMessage
+from occ_constraints_pkg.features.serialized_tables import TableMessage
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.ros.lockstep import Pairing
 from occ_constraints_pkg.ros.process import OccNode, run_node

@@ -11,9 +11,9 @@ from typing import Any
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
-from occ_constraints_pkg.bags.definitions import find_definition
-from occ_constraints_pkg.bags.qos import from_profile
-from occ_constraints_pkg.bags.writer import FLUSH_SECONDS, BagWriter
+from occ_constraints_pkg.rosbag.definitions import find_definition
+from occ_constraints_pkg.rosbag.qos import from_profile
+from occ_constraints_pkg.rosbag.writer import FLUSH_SECONDS, BagWriter
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.ros.bag_topics import RCLError, profile_to_record, topic_filter
 from occ_constraints_pkg.ros.messages import message_class

@@ -13,7 +13,7 @@ from geometry_msgs.msg import Twist
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 
-from occ_constraints_pkg.bags.serialized_tables import TableMessage
+from occ_constraints_pkg.features.serialized_tables import TableMessage
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.ros.messages import to_time
 from occ_constraints_pkg.ros.process import OccNode, run_node
@@ -21,7 +21,7 @@ from occ_constraints_pkg.ros.qos import SENSORS, SETTLED_LOOKS, STEPS, overridab
 from occ_constraints_pkg.ros.sensors import RobotSensors, twist_command
 from occ_constraints_pkg.ros.table_topics import subscribe_to_tables, table_bytes
 from occ_constraints_pkg.ros.tables import observation_table
-from occ_constraints_pkg.worlds.crew import HelperError
+from occ_constraints_pkg.worlds.worker_pool import HelperError
 from occ_constraints_pkg.worlds.registry import make_world
 from occ_constraints_pkg.worlds.stream import EpisodeStream, StepBatch
 

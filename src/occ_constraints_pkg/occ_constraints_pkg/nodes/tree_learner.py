@@ -11,12 +11,12 @@ import numpy as np
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from occ_constraints_pkg.bags.demonstrations import learn_from_files
-from occ_constraints_pkg.bags.extract import FeatureExtractor
-from occ_constraints_pkg.bags.feature_map import load_feature_map
+from occ_constraints_pkg.datasets.demonstrations import learn_from_files
+from occ_constraints_pkg.features.extractor import FeatureExtractor
+from occ_constraints_pkg.features.feature_map import load_feature_map
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.learning.learn import learn
-from occ_constraints_pkg.learning.promise import loss_words, promise_words
+from occ_constraints_pkg.learning.guarantee import loss_words, promise_words
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.ros.arrival import ArrivalClock
 from occ_constraints_pkg.ros.mapped_topics import MappedTopics

@@ -10,7 +10,7 @@ from typing import Any
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from occ_constraints_pkg.bags.topic_filter import TopicFilter
+from occ_constraints_pkg.rosbag.topic_filter import TopicFilter
 from occ_constraints_pkg.ros.process import OccNode
 
 RCLError = rclpy_implementation.RCLError

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from occ_constraints_pkg.bags.serialized_tables import TableMessage
+from occ_constraints_pkg.features.serialized_tables import TableMessage
 
 
 class Pairing:

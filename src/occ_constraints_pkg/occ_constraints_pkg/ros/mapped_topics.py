@@ -12,8 +12,8 @@ from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from occ_constraints_pkg.bags.feature_map import FeatureMap, topic_key
-from occ_constraints_pkg.bags.fields import FieldReader
+from occ_constraints_pkg.features.feature_map import FeatureMap, topic_key
+from occ_constraints_pkg.features.fields import FieldReader
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.ros.messages import message_class
 from occ_constraints_pkg.ros.process import OccNode

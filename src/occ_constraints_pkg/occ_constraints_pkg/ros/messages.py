@@ -20,7 +20,7 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Twist, Vector3
 from sensor_msgs.msg import PointCloud2, PointField
 
-from occ_constraints_pkg.bags.table import Table
+from occ_constraints_pkg.features.table import Table
 from occ_constraints_pkg.errors import OccError
 
 _SECOND = 1_000_000_000

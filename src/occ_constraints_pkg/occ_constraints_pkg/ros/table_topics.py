@@ -12,9 +12,9 @@ from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import PointCloud2
 
-from occ_constraints_pkg.bags.serialized_tables import TableMessage, TableReader
-from occ_constraints_pkg.bags.table import Table
-from occ_constraints_pkg.bags.table_messages import TableSerializer
+from occ_constraints_pkg.features.serialized_tables import TableMessage, TableReader
+from occ_constraints_pkg.features.table import Table
+from occ_constraints_pkg.features.table_messages import TableSerializer
 from occ_constraints_pkg.ros.process import OccNode
 from occ_constraints_pkg.ros.qos import STEPS, overridable
 

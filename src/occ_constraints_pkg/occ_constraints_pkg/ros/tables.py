@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from occ_constraints_pkg.bags.table import Table
+from occ_constraints_pkg.features.table import Table
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.rules.ruleset import RuleCounts
 from occ_constraints_pkg.rules.verdict import Judgement

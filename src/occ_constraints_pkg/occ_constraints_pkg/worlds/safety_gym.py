@@ -22,7 +22,7 @@ from occ_constraints_pkg.worlds.bodies import (
     Movable,
     Robot,
 )
-from occ_constraints_pkg.worlds.crew import Crew, can_help
+from occ_constraints_pkg.worlds.worker_pool import Crew, can_help
 from occ_constraints_pkg.worlds.geometry import lengths, matrix_of_yaw, product, quaternion_of_yaw
 from occ_constraints_pkg.worlds.layout import Layout, PlacementRules
 from occ_constraints_pkg.worlds.lidar import BINS, MAX_DISTANCE, beams, lidar_readings

@@ -10,7 +10,7 @@ import os
 import numpy as np
 from numpy.typing import DTypeLike
 
-from occ_constraints_pkg.worlds.line import above_standard
+from occ_constraints_pkg.worlds.wake_up_channel import above_standard
 
 # Whole cache lines, so that no array shares one with another.
 _ALIGNMENT = 64

@@ -1,0 +1,216 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""When data are SAFE, VIOLATED and UNKNOWN: verdicts in time, and violations as intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from occ_constraints_pkg.datasets.dataset import Dataset
+from occ_constraints_pkg.rules.ruleset import RuleSet
+from occ_constraints_pkg.rules.verdict import Judgement, Verdict
+
+TIMEOUT_SECONDS = 1.0
+"""How long a verdict stands without new input; the default of the monitor."""
+
+BRIDGE_SECONDS = 0.5
+"""Two violations of one rule that are no further apart count as one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Interval:
+    """A stretch of one episode in which one rule is true, or in which nothing can be judged.
+
+    Attributes:
+        rule: position in the rule set; -1 where nothing can be judged.
+        source: position in the data's sources.
+        episode: number of the episode.
+        start: when the first of its samples arrived, in the timeline's unit.
+        end: when the first sample after it arrived, or when the verdict lapsed.
+        active: for how much of that the rule is true; the rest are breaks that were bridged.
+        samples: row numbers in the data, those of the breaks left out.
+        worst: row number where the rule's own margin is smallest; the first row for ``rule`` -1.
+        margin: of the rule in that row; NaN for ``rule`` -1.
+    """
+
+    rule: int
+    source: int
+    episode: int
+    start: float
+    end: float
+    active: float
+    samples: np.ndarray
+    worst: int
+    margin: float
+
+
+@dataclass(frozen=True, eq=False)
+class Timeline:
+    """Verdicts on data in time.
+
+    A verdict stands from the arrival of its sample to that of the next one of the same episode,
+    but no longer than the timeout: after that, a monitor says UNKNOWN. The last verdict of an
+    episode stands as long as the median one.
+
+    Attributes:
+        data: what was judged.
+        judgement: of its rows.
+        unit: ``s`` since the start of the recording; ``row`` for table files, which know no time.
+        starts: (n,) when each row's verdict begins.
+        stands: (n,) how long it stands.
+        silence: (n,) how much longer nothing came, which counts as UNKNOWN.
+        violations: of each rule, sorted by source, episode and start.
+        unknown: stretches in which samples came and could not be judged.
+    """
+
+    data: Dataset
+    judgement: Judgement
+    unit: str
+    starts: np.ndarray
+    stands: np.ndarray
+    silence: np.ndarray
+    violations: tuple[Interval, ...]
+    unknown: tuple[Interval, ...]
+
+    @property
+    def duration(self) -> float:
+        """How long all episodes last together."""
+        return float(self.stands.sum() + self.silence.sum())
+
+    @property
+    def shares(self) -> dict[str, float]:
+        """Share of the time of each verdict, by its name; of the samples where no time passes."""
+        weights = self.stands if self.duration else np.ones(len(self.data))
+        times = {
+            verdict.name: float(weights[self.judgement.verdict == verdict].sum())
+            for verdict in Verdict
+        }
+        times['UNKNOWN'] += float(self.silence.sum())
+        total = max(sum(times.values()), np.finfo(np.float64).tiny)
+        return {name: time / total for name, time in times.items()}
+
+
+def make_timeline(
+    rule_set: RuleSet,
+    data: Dataset,
+    judgement: Judgement,
+    *,
+    timeout: float = TIMEOUT_SECONDS,
+    bridge: float = BRIDGE_SECONDS,
+) -> Timeline:
+    """Put verdicts in time.
+
+    A violation of a rule begins with a sample on which it is true and ends with the next on which
+    it is not, whichever other rules are, and in any case at the end of the episode or after the
+    timeout. Two violations of one rule in one episode whose distance is at most ``bridge`` count
+    as one, whatever lies between.
+
+    Args:
+        rule_set: the rules.
+        data: n rows of features.
+        judgement: of these rows by these rules.
+        timeout: seconds that a verdict stands without new input.
+        bridge: seconds; 0 joins none. Neither limit concerns tables.
+    """
+    clock = _Clock(data, timeout, bridge)
+    violated = np.flatnonzero(judgement.verdict == Verdict.VIOLATED)
+    values = data.values[violated]
+    violations: list[Interval] = []
+    for place in rule_set.order.tolist():
+        rule = rule_set.rules[place]
+        true = rule.holds(values)
+        if true.any():
+            margins = np.full(len(data), np.nan)
+            margins[violated] = rule.margins(values, rule_set.scale)
+            violations += clock.intervals(place, violated[true], margins)
+    violations.sort(key=lambda item: (item.source, item.episode, item.start, item.rule))
+    unknown = np.flatnonzero(judgement.verdict == Verdict.UNKNOWN)
+    return Timeline(
+        data,
+        judgement,
+        clock.unit,
+        clock.starts,
+        clock.stands,
+        clock.silence,
+        tuple(violations),
+        tuple(clock.intervals(-1, unknown, np.full(len(data), np.nan))),
+    )
+
+
+class _Clock:
+    """When the rows of data begin and how long they stand."""
+
+    def __init__(self, data: Dataset, timeout: float, bridge: float) -> None:
+        self._data = data
+        self._sources = data.recordings
+        if self._sources is None:
+            self._sources = np.zeros(len(data), dtype=np.int64)
+        self.unit = 'row' if data.times_ns is None else 's'
+        # Rows of one episode follow one another, which those of robots in a table do not.
+        self._order = np.argsort(data.episodes, kind='stable')
+        self._rank = np.empty_like(self._order)
+        self._rank[self._order] = np.arange(len(self._order))
+        if data.times_ns is None:
+            self.starts = data.stamps_ns.astype(np.float64)
+            self.stands, self.silence = np.ones(len(data)), np.zeros(len(data))
+            self._bridge = 0.0
+            return
+        self.starts = data.times_ns * 1e-9
+        gaps = self._gaps()
+        self.stands = np.minimum(gaps, timeout)
+        self.silence = gaps - self.stands
+        self._bridge = bridge
+
+    def _gaps(self) -> np.ndarray:
+        """(n,) seconds from each row to the next of its episode."""
+        times, episodes = self._data.times_ns[self._order], self._data.episodes[self._order]
+        gaps = np.zeros(len(times))
+        for first, last in _runs(episodes[1:] == episodes[:-1], len(times)):
+            # Stamps, of which tables have their time, may go back.
+            steps = np.maximum(np.diff(times[first : last + 1]), 0) * 1e-9
+            gaps[first:last] = steps
+            gaps[last] = np.median(steps) if len(steps) else 0.0
+        return gaps[self._rank]
+
+    def intervals(self, rule: int, rows: np.ndarray, margins: np.ndarray) -> Iterator[Interval]:
+        """Yield the intervals that some rows make up, in the order of episodes and time."""
+        if not len(rows):
+            return
+        episodes = self._data.episodes
+        rows = rows[np.argsort(self._rank[rows])]
+        ends = self.starts[rows] + self.stands[rows]
+        follows = (self._rank[rows[1:]] == self._rank[rows[:-1]] + 1) & (
+            self.silence[rows[:-1]] == 0.0
+        )
+        is_near = self.starts[rows[1:]] - ends[:-1] <= self._bridge
+        joined = (follows | is_near) & (episodes[rows[1:]] == episodes[rows[:-1]])
+        for first, last in _runs(joined, len(rows)):
+            samples = rows[first : last + 1]
+            own = margins[samples]
+            worst = 0 if np.isnan(own).all() else int(np.nanargmin(own))
+            yield Interval(
+                rule=rule,
+                source=int(self._sources[samples[0]]),
+                episode=int(episodes[samples[0]]),
+                start=float(self.starts[samples[0]]),
+                end=float(ends[last]),
+                active=float(self.stands[samples].sum()),
+                samples=samples,
+                worst=int(samples[worst]),
+                margin=float(own[worst]),
+            )
+
+
+def _runs(joined: np.ndarray, count: int) -> Iterator[tuple[int, int]]:
+    """Yield first and last place of each run among ``count`` places.
+
+    Args:
+        joined: (count - 1,) bool, whether a place and the next belong together.
+        count: number of places.
+    """
+    if count:
+        breaks = np.flatnonzero(~joined)
+        yield from zip([0, *(breaks + 1).tolist()], [*breaks.tolist(), count - 1], strict=True)

@@ -1,0 +1,114 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""What a careful colleague would say of demonstrations before rules are learned from them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from occ_constraints_pkg.datasets.dataset import Dataset
+from occ_constraints_pkg.learning.learn import grow
+from occ_constraints_pkg.learning.samples import LEAST_EPISODES_TO_HOLD_OUT, families, is_usable
+from occ_constraints_pkg.learning.settings import OCTreeSettings
+from occ_constraints_pkg.rules.space import FeatureSpace
+from occ_constraints_pkg.wording import count_of
+
+# With fewer samples the bounds are little more than the samples themselves.
+_FEW_SAMPLES = 100
+# Fewer columns of a name and a number may well be different things, as x1 and x2.
+_LEAST_OF_A_FAMILY = 4
+# What is estimated from samples may be that much larger than the share that was stated.
+_SLACK = 0.01
+# As many samples tell what share of all of them are outliers.
+_SOME = 20_000
+
+
+def concerns(data: Dataset, space: FeatureSpace, settings: OCTreeSettings) -> Iterator[str]:
+    """Yield a sentence for each thing about the demonstrations that is likely not meant.
+
+    Args:
+        data: what is learned from.
+        space: its features.
+        settings: how is learned from it.
+    """
+    rows = data.values[is_usable(data.values, space)]
+    yield from _of_cost(data, settings)
+    yield from _of_amount(data, len(rows))
+    yield from _of_families(space, settings)
+    yield from _of_share(rows, space, settings)
+
+
+def _of_cost(data: Dataset, settings: OCTreeSettings) -> Iterator[str]:
+    costly = 0 if data.true_cost is None else int((data.true_cost > 0.0).sum())
+    stated = settings.contamination if settings.clip == 'mass' else None
+    share = costly / len(data)
+    if not costly or (stated is not None and stated >= share):
+        return
+    cure = 'leave them out, or learn from drives that are safe throughout'
+    if settings.clip == 'mass':
+        cure += f', or state a contamination of at least {_rounded_up(share)}'
+    if stated is not None:
+        cure += f' (stated is {stated:g})'
+    yield f'{costly} of {len(data)} samples ({share:.2%}) have a cost above 0: {cure}'
+
+
+def _of_amount(data: Dataset, usable: int) -> Iterator[str]:
+    if usable < _FEW_SAMPLES:
+        verb = 'is' if usable == 1 else 'are'
+        yield (
+            f'there {verb} {count_of(usable, "usable sample")}; with fewer than {_FEW_SAMPLES} the '
+            'rules say little more than that nothing else was seen'
+        )
+    episodes = len(np.unique(data.episodes))
+    if episodes < LEAST_EPISODES_TO_HOLD_OUT:
+        hint = "; a column 'episode' tells the episodes of a table apart"
+        hint = hint if data.origins is None else ''
+        yield (
+            ('there is ' if episodes == 1 else 'there are ')
+            + count_of(episodes, 'episode')
+            + f'; with fewer than {LEAST_EPISODES_TO_HOLD_OUT} none is held out, so nothing tells '
+            f'how well the rules fit drives that were not seen{hint}'
+        )
+
+
+def _of_families(space: FeatureSpace, settings: OCTreeSettings) -> Iterator[str]:
+    if settings.clip != 'mass':
+        # Clipping by density knows no families.
+        return
+    declared = {place for family in families(space, settings) for place in family}
+    groups: dict[tuple, list[str]] = {}
+    for place, feature in enumerate(space.features):
+        stem = re.fullmatch(r'(.*?)\d+', feature.name)
+        if stem and place not in declared:
+            key = stem[1], feature.unit, feature.low, feature.high
+            groups.setdefault(key, []).append(feature.name)
+    for names in groups.values():
+        if len(names) >= _LEAST_OF_A_FAMILY:
+            yield (
+                f'the {len(names)} features {names[0]} ... {names[-1]} look like one measurement '
+                'in several directions; if they are, declare them as one family, so that they '
+                'get the same bounds'
+            )
+
+
+def _of_share(rows: np.ndarray, space: FeatureSpace, settings: OCTreeSettings) -> Iterator[str]:
+    stated = settings.contamination
+    if stated is None or settings.clip != 'mass' or not len(rows):
+        return
+    some = rows[:: -(-len(rows) // _SOME)]
+    tree = grow(some, space, replace(settings, contamination=None))
+    share = float(np.mean(~tree.contains(some)))
+    if share > stated + _SLACK:
+        yield (
+            f'the stated contamination is {stated:g}, but the samples look as if {share:.1%} of '
+            'them were outliers; without a stated share it is estimated'
+        )
+
+
+def _rounded_up(share: float) -> str:
+    """Return a share to three decimal places, none below it."""
+    return f'{-(-share * 1000 // 1) / 1000:g}'

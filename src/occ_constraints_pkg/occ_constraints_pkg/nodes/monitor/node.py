@@ -1,0 +1,287 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Node ``monitor``: judges live topics by a rule set, and says which rule is broken and how far."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.parameter import Parameter
+from rclpy.timer import Timer
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import String
+from std_srvs.srv import SetBool, Trigger
+
+from occ_constraints_pkg.features.feature_map import FeatureMap, map_of
+from occ_constraints_pkg.features.lateness import MAX_LAG_SECONDS
+from occ_constraints_pkg.nodes.monitor.rules_reader import RulesReader, check_size
+from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.files import CONSTRAINTS, check_outputs
+from occ_constraints_pkg.ros.diagnostics import report_message
+from occ_constraints_pkg.nodes.monitor.pipeline import Judging
+from occ_constraints_pkg.ros.managed import ManagedNode
+from occ_constraints_pkg.ros.messages import table_message
+from occ_constraints_pkg.ros.process import run_node
+from occ_constraints_pkg.ros.qos import LATCHED, VERDICTS, overridable
+from occ_constraints_pkg.nodes.monitor.rules_in_force import RulesInForce
+from occ_constraints_pkg.ros.tables import rule_stats_table
+from occ_constraints_pkg.nodes.monitor.outputs import VerdictTopics
+from occ_constraints_pkg.rules.constraints_file import Constraints, load_constraints
+from occ_constraints_pkg.rules.edits import RuleEdits
+from occ_constraints_pkg.rules.forecast import HORIZON_SECONDS, WINDOW_SECONDS
+
+_REPORT_SECONDS = 1.0
+_WATCH_SECONDS = 0.1
+# How often is looked whether the rules that came are read.
+_READ_SECONDS = 0.02
+_ORIGIN = 'topic constraints'
+_DEBOUNCE = {
+    'trigger_count': 'violated verdicts of the last trigger_window that people are told',
+    'trigger_window': 'verdicts among which they are counted',
+    'release_count': 'safe verdicts in a row until people are told SAFE again',
+}
+# Parameters that change the rules, in the order that RuleEdits takes them.
+_EDITS = ('disabled_rules', 'enabled_rules', 'moved_bounds')
+
+
+class Monitor(ManagedNode):
+    """Publishes cost, verdict and margin for every row of features."""
+
+    subscribes_later = True
+
+    def __init__(self) -> None:
+        super().__init__('monitor')
+        self._declare()
+        self.declared()
+        # The newest text on the topic constraints, and that of the rules in force.
+        self._offered: str | None = None
+        self._received: str | None = None
+        self._reader = RulesReader(_ORIGIN)
+        self._reading: Timer | None = None
+        self._rules = RulesInForce(self)
+        self._topics = VerdictTopics(self)
+        self._judging = Judging(self, self._rules, self._topics)
+        self._rule_stats = self.create_publisher(
+            PointCloud2, 'rule_stats', VERDICTS, qos_overriding_options=overridable()
+        )
+        self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        self.create_subscription(
+            String,
+            'constraints',
+            self._on_constraints,
+            LATCHED,
+            qos_overriding_options=overridable(),
+        )
+        self.create_service(Trigger, '~/prune', self._on_prune)
+        self.create_service(Trigger, '~/reset_stats', self._on_reset_stats)
+        self.create_service(SetBool, '~/enable', self._on_enable)
+        self.add_on_set_parameters_callback(self._check_edits)
+        self.add_post_set_parameters_callback(self._on_edits)
+        self.steady_timer(_WATCH_SECONDS, self._judging.watch)
+        self.steady_timer(_REPORT_SECONDS, self._report)
+
+    def _declare(self) -> None:
+        self.setting(
+            'constraints_file', '', 'rules to start with; none: wait for the topic constraints'
+        )
+        self.setting('timeout', 1.0, 'seconds without input until the verdict is UNKNOWN', low=0.01)
+        self.setting(
+            'max_lead', 1.0, 'seconds that a stamp may be ahead of the clock; 0: any', low=0.0
+        )
+        self.setting(
+            'max_lag',
+            MAX_LAG_SECONDS,
+            'seconds that a message may come late until the verdict is UNKNOWN; 0: any',
+            low=0.0,
+        )
+        self.setting(
+            'prune_threshold', 0.001, 'ratio under which ~/prune disables rules', low=0.0, high=1.0
+        )
+        self.setting('pruned_file', '', 'where ~/prune writes the constraints file; none: nowhere')
+        self.setting('counts_file', '', 'where counters outlive a restart')
+        self.setting(
+            'warning_horizon',
+            HORIZON_SECONDS,
+            'seconds within which an estimated violation is warned of; 0: never',
+            low=0.0,
+        )
+        self.setting(
+            'warning_window',
+            WINDOW_SECONDS,
+            'seconds over which rates of change are looked for',
+            low=0.001,
+        )
+        for name, words in _DEBOUNCE.items():
+            self.setting(name, 1, words, low=1)
+        self.live_setting('disabled_rules', [], 'ids of rules to disable')
+        self.live_setting('enabled_rules', [], 'ids of rules to enable though the file does not')
+        self.live_setting('moved_bounds', [], "other bounds, each like 'RULE: FEATURE > 0.9'")
+        self.setting('enabled', True, 'judge from the start; see ~/enable')
+
+    def configure(self) -> None:
+        """Load the rules and subscribe to their topics."""
+        self._judging.debounce(*(self.value(name) for name in _DEBOUNCE))
+        self._judging.is_enabled = self.value('enabled')
+        self._topics.warning.horizon = self.value('warning_horizon')
+        self._topics.warning.window = self.value('warning_window')
+        self._rules.counts_file = self.value('counts_file')
+        self._rules.edits = self._edits()
+        path = self.value('constraints_file')
+        if self.value('pruned_file'):
+            inputs = [name for name in (path, self.value('counts_file')) if name]
+            check_outputs({self.value('pruned_file'): CONSTRAINTS}, inputs)
+        if path:
+            constraints = load_constraints(path)
+            self._use(constraints, map_of(constraints, path), path, strict=True)
+        if self._offered is not None:
+            self._read(self._offered)
+
+    def activate(self) -> None:
+        """Begin to judge."""
+        self._judging.start()
+        if self._rules.rule_set is None:
+            self.get_logger().info(f'waiting for rules on {self.full_name("constraints")}')
+
+    def deactivate(self) -> None:
+        """Say UNKNOWN once more, and then nothing."""
+        self._judging.stop()
+
+    def cleanup(self) -> None:
+        """Drop the rules and their topics; the counters are kept."""
+        self._rules.drop()
+        self._judging.close()
+        self._reader.drop()
+        self._received = None
+
+    def close(self) -> None:
+        """Keep the counters."""
+        self._reader.close()
+        self._rules.keep()
+
+    def _on_constraints(self, message: String) -> None:
+        self._offered = message.data
+        if self.state in ('inactive', 'active'):
+            self._read(message.data)
+
+    def _read(self, text: str) -> None:
+        # A latched rule set comes again when its publisher restarts; the counters stay.
+        if text == self._received:
+            self._reader.drop()
+            return
+        try:
+            check_size(text, _ORIGIN)
+        except OccError as error:
+            self._reader.drop()
+            self._refuse(error)
+            return
+        self._reader.offer(text)
+        if self._reading is None:
+            self._reading = self.steady_timer(_READ_SECONDS, self._take)
+
+    def _take(self) -> None:
+        """Use the rules that came once they are read."""
+        answer = self._reader.take()
+        if not self._reader.is_busy:
+            self.destroy_timer(self._reading)
+            self._reading = None
+        if answer is None:
+            return
+        try:
+            if answer.problem:
+                raise OccError(answer.problem)
+            self._use(answer.constraints, answer.feature_map, _ORIGIN)
+            self._received = answer.text
+        # Nothing that others send may end the node, whatever is wrong with it.
+        except Exception as error:
+            self._refuse(error)
+
+    def _refuse(self, error: Exception) -> None:
+        kind = '' if isinstance(error, OccError | OSError) else f'{type(error).__name__} '
+        self.get_logger().error(f'rule set refused, the one before stays: {kind}{error}')
+
+    def _use(
+        self, constraints: Constraints, feature_map: FeatureMap, where: str, *, strict: bool = False
+    ) -> None:
+        # All that may fail comes first; then rules and topics change together.
+        rules = self._rules.prepare(constraints, where, strict=strict)
+        self._rules.keep()
+        self._judging.listen(
+            feature_map, self.value('timeout'), self.value('max_lead'), self.value('max_lag')
+        )
+        self._rules.use(rules)
+        self._judging.forget('no input since the rules came')
+
+    def _edits(self, changed: Sequence[Parameter] = ()) -> RuleEdits:
+        """Return the edits that the parameters ask for, once some of them have changed."""
+        values = {name: self.value(name) for name in _EDITS}
+        for item in changed:
+            if item.name in values:
+                values[item.name] = [text for text in item.value if text]
+        return RuleEdits.parse(*values.values())
+
+    def _check_edits(self, parameters: list[Parameter]) -> SetParametersResult:
+        try:
+            if _is_edit(parameters):
+                self._rules.check(self._edits(parameters))
+        except OccError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _on_edits(self, parameters: list[Parameter]) -> None:
+        if _is_edit(parameters):
+            self._rules.edit(self._edits())
+            self._judging.forget('no input since the rules were edited')
+
+    def _report(self) -> None:
+        self._rules.keep()
+        self._judging.insist()
+        now = self.get_clock().now().nanoseconds
+        values: dict[str, object] = {
+            'state': self.state,
+            'enabled': self._judging.is_enabled,
+            # Lets a test or a launch script start the input only when its listeners are there.
+            'subscribers': self._topics.subscribers,
+        }
+        rule_set = self._rules.rule_set
+        if rule_set is not None:
+            values['rule_set'] = rule_set.fingerprint
+            if rule_set.rules and self.is_active:
+                self._rule_stats.publish(table_message(rule_stats_table(self._rules.counts), now))
+        name = f'{self.get_fully_qualified_name().lstrip("/")}: judging'
+        message = report_message(name, self._judging.state, self._judging.problem, values, now)
+        self._diagnostics.publish(message)
+
+    def _on_prune(self, _request: Any, response: Any) -> Any:
+        try:
+            response.message = self._rules.prune(
+                self.value('prune_threshold'), self.value('pruned_file')
+            )
+            response.success = True
+            self._judging.forget('no input since the rules were pruned')
+        except OccError as error:
+            response.success, response.message = False, str(error)
+        return response
+
+    def _on_reset_stats(self, _request: Any, response: Any) -> Any:
+        if self._rules.counts is not None:
+            self._rules.counts.reset()
+        response.success, response.message = True, 'all counters are 0'
+        return response
+
+    def _on_enable(self, request: Any, response: Any) -> Any:
+        self._judging.enable(bool(request.data))
+        word = 'enabled' if self._judging.is_enabled else 'disabled'
+        response.success, response.message = True, word
+        return response
+
+
+def _is_edit(parameters: Sequence[Parameter]) -> bool:
+    return any(item.name in _EDITS for item in parameters)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the node."""
+    return run_node(Monitor, argv)

@@ -1,0 +1,389 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Reading of recordings: rosbag2 directories and bare MCAP or SQLite files."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import numpy as np
+
+from occ_constraints_pkg.datasets.dataset import sha256_of
+from occ_constraints_pkg.rosbag.mcap_file import McapFile
+from occ_constraints_pkg.rosbag.metadata import (
+    is_compressed_by_message,
+    read_metadata,
+    with_metadata,
+)
+from occ_constraints_pkg.rosbag.sqlite_file import MAGIC as SQLITE_MAGIC
+from occ_constraints_pkg.rosbag.sqlite_file import SqliteFile
+from occ_constraints_pkg.rosbag.storage import (
+    MAX_PIECE_BYTES,
+    Block,
+    Segment,
+    StorageFile,
+    TopicInfo,
+    in_log_order,
+    unpack_zstd,
+)
+from occ_constraints_pkg.rosbag.typestores import (
+    UndefinedTypeError,
+    find_definitions,
+    find_typestore,
+)
+from occ_constraints_pkg.rosbag.unpacked import ZSTD_SUFFIXES, Unpacked
+from occ_constraints_pkg.documents import did_you_mean
+from occ_constraints_pkg.errors import OccError
+
+_SUFFIXES = ('.mcap', '.db3')
+# Types as ROS 2 named them before its release Dashing, without the part 'msg'.
+_FIRST_NAMES = re.compile(r'^(\w+)/(\w+)$')
+
+
+@dataclass(frozen=True)
+class RawMessage:
+    """One recorded message, still serialized.
+
+    Attributes:
+        topic: name as recorded, with its leading slash.
+        msgtype: message type.
+        log_time_ns: when the recorder received it.
+        data: the serialized bytes.
+    """
+
+    topic: str
+    msgtype: str
+    log_time_ns: int
+    data: bytes
+
+
+class Recording:
+    """A recording that has been looked through but not read; nothing stays open.
+
+    Files without an ending, which a killed recorder left behind, and files that are cut short are
+    used up to the last complete message. Nothing is ever written beside the recording; files that
+    are compressed as a whole are unpacked to a temporary folder, which goes with this object.
+
+    Attributes:
+        path: the directory or file.
+        name: its last path component without the endings of storage files.
+        files: the storage files, in order.
+        topics: topic name to :class:`TopicInfo`, sorted by name.
+        warnings: one sentence for each thing that is missing or damaged.
+
+    Raises:
+        OccError: there is no such path, it is not a recording, or it holds no message.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        self.warnings: tuple[str, ...] = ()
+        self._stores: dict[str, Any] = {}
+        self._unpacked = Unpacked()
+        try:
+            self.name = self.path.name if self.path.is_dir() else _bare_name(self.path)
+            metadata = self._find_files()
+        # A name may be too long, the path's or one that metadata.yaml lists.
+        except OSError as error:
+            where = error.filename or self.path
+            raise OccError(f'cannot read {where}: {error.strerror}') from error
+        self._message_zstd = is_compressed_by_message(metadata, self.path)
+        self._storages = tuple(self._open(file) for file in self.files)
+        self.topics = dict(sorted(with_metadata(self._all_topics(), metadata).items()))
+        if not self.message_count:
+            raise OccError(f'{self.path} holds no messages; allowed is a recording with some')
+        promised = metadata.get('message_count')
+        if isinstance(promised, int) and promised > self.message_count:
+            self.warnings += (
+                f'{self.path} holds {self.message_count} messages, but its metadata.yaml '
+                f'promises {promised}',
+            )
+
+    @property
+    def message_count(self) -> int:
+        """Number of messages that can be read."""
+        return sum(info.count for info in self.topics.values())
+
+    def find(self, name: str) -> str:
+        """Return the recorded name of a topic that is given with or without leading slash.
+
+        Raises:
+            OccError: there is no such topic; the sentence lists those that are there.
+        """
+        for topic in self.topics:
+            if topic.strip('/') == name.strip('/'):
+                return topic
+        hint = did_you_mean(f'/{name.strip("/")}', self.topics) or ';'
+        raise OccError(
+            f'{self.path} has no topic {name!r}{hint} its topics are {", ".join(self.topics)}'
+        )
+
+    @cached_property
+    def start_ns(self) -> int:
+        """Log time of the first message."""
+        return min(segment.start_ns for storage in self._storages for segment in storage.segments)
+
+    def messages(self, topics: Collection[str] | None = None) -> Iterator[RawMessage]:
+        """Yield messages in the order in which they were logged; equal times in file order.
+
+        Memory holds one chunk at a time, or as many as overlap in time.
+
+        Args:
+            topics: names as in :attr:`topics`, or without slash; None means all.
+
+        Raises:
+            OccError: there is no such topic, or the recording is damaged.
+        """
+        names = list(self.topics) if topics is None else [self.find(name) for name in topics]
+        return self._each_message(names)
+
+    def _each_message(self, names: list[str]) -> Iterator[RawMessage]:
+        kinds = [(name, self.topics[name].msgtype) for name in names]
+        for block in self.blocks(names):
+            data = block.data
+            columns = (block.topics, block.times, block.starts, block.ends)
+            for place, time, start, end in zip(*(item.tolist() for item in columns), strict=True):
+                yield RawMessage(*kinds[place], time, bytes(data[start:end]))
+
+    def blocks(self, topics: list[str]) -> Iterator[Block]:
+        """Yield what :meth:`messages` does, many messages at a time.
+
+        Args:
+            topics: names as in :attr:`topics`; ``Block.topics`` are places in this list.
+
+        Raises:
+            OccError: the recording is damaged.
+        """
+        places = {name: place for place, name in enumerate(topics)}
+        pieces = []
+        for number, storage in enumerate(self._storages):
+            wanted = {
+                channel: places[name]
+                for channel, (name, _) in sorted(storage.topics.items())
+                if name in places
+            }
+            for place, segment in enumerate(storage.segments):
+                if segment.channels is None or segment.channels & wanted.keys():
+                    load = partial(self._load, storage, segment, wanted)
+                    pieces.append((segment.start_ns, number, place, load))
+        pieces.sort(key=lambda piece: piece[:3])
+        counts: Counter[int] = Counter()
+        for block in in_log_order((start, load) for start, _, _, load in pieces):
+            counts.update(dict(enumerate(np.bincount(block.topics).tolist())))
+            yield block
+        for name, place in places.items():
+            if counts[place] != self.topics[name].count:
+                raise OccError(
+                    f'{self.path} is damaged: it has {counts[place]} messages on {name!r} instead '
+                    f'of {self.topics[name].count}'
+                )
+
+    def _load(self, storage: StorageFile, segment: Segment, wanted: dict[int, int]) -> Block:
+        block = storage.load(segment)
+        channels = np.array(list(wanted), dtype=np.int64)
+        at = np.minimum(np.searchsorted(channels, block.topics), len(channels) - 1)
+        is_wanted = channels[at] == block.topics
+        if not is_wanted.all():
+            block, at = block.select(is_wanted), at[is_wanted]
+        block = replace(block, topics=np.array(list(wanted.values()), dtype=np.intp)[at])
+        if self._message_zstd:
+            try:
+                block = block.mapped(_unpack_message)
+            except ValueError as error:
+                raise OccError(
+                    f'{storage.path} is damaged: a compressed message cannot be read ({error})'
+                ) from error
+        return block
+
+    def raw(self, block: Block, row: int, topic: str) -> RawMessage:
+        """Return one message of a block.
+
+        Args:
+            block: what :meth:`blocks` yielded.
+            row: the message's number in it.
+            topic: the name of its topic.
+        """
+        msgtype = self.topics[topic].msgtype
+        return RawMessage(topic, msgtype, int(block.times[row]), block.message(row))
+
+    def decode(self, raw: RawMessage) -> Any:
+        """Return the message object, built by ``rosbags`` from the definition in the bag.
+
+        A type without a definition in the bag is read as the type of that name in ROS 2 Jazzy.
+
+        Raises:
+            OccError: the type is unknown, or the bytes are not such a message.
+        """
+        info = self.topics[raw.topic]
+        if info.serialization != 'cdr':
+            raise OccError(
+                f'{self.path} has topic {raw.topic!r} serialized as {info.serialization!r}; '
+                "allowed is 'cdr'"
+            )
+        store = self._store(raw.topic)
+        try:
+            return store.deserialize_cdr(raw.data, raw.msgtype)
+        # The generated code fails on wrong bytes in whichever way comes first.
+        except Exception as error:
+            raise OccError(
+                f'{self.path} has a message on {raw.topic!r} at {raw.log_time_ns} ns whose '
+                f'{len(raw.data)} bytes are not a {raw.msgtype}'
+            ) from error
+
+    def fields(self, topic: str) -> Mapping[str, Any]:
+        """Return the parsed definitions of a topic's type and its parts, by type name.
+
+        Raises:
+            OccError: the type is unknown, or its definition cannot be read.
+        """
+        try:
+            return find_definitions(*_definition(self.topics[topic]))
+        except UndefinedTypeError as error:
+            raise self._undefined(topic, error.reason) from error
+
+    def fingerprint(self) -> dict[str, Any]:
+        """Return ``name``, ``sha256`` over the storage files in order, and ``messages``."""
+        return {'name': self.name, 'sha256': self._sha256, 'messages': self.message_count}
+
+    @cached_property
+    def _sha256(self) -> str:
+        return sha256_of(self.files)
+
+    def _find_files(self) -> dict[str, Any]:
+        """Set :attr:`files`; return what metadata.yaml says, empty where there is none."""
+        path = self.path
+        if not path.exists():
+            raise OccError(f'there is no recording at {path}')
+        if not path.is_dir():
+            if not _is_storage(path):
+                raise OccError(
+                    f'{path} is not a recording; allowed are rosbag2 directories and files that '
+                    f'end in {" or ".join(_SUFFIXES)}'
+                )
+            self.files = (path,)
+            return {}
+        metadata = read_metadata(path / 'metadata.yaml')
+        # Before version 4 the listed paths began with the directory's own name.
+        names = [PurePosixPath(name).name for name in metadata.get('relative_file_paths') or ()]
+        if not names:
+            found = (file for file in path.iterdir() if _is_storage(file))
+            names = sorted((file.name for file in found), key=_natural)
+            if not names:
+                raise OccError(
+                    f'{path} is not a recording: it holds neither a metadata.yaml that lists files '
+                    f'nor files that end in {" or ".join(_SUFFIXES)}'
+                )
+        self.files = tuple(_as_stored(path / name) for name in names)
+        missing = [file.name for file in self.files if not file.is_file()]
+        if missing:
+            raise OccError(f'{path} lacks {", ".join(missing)}, which its metadata.yaml lists')
+        return metadata
+
+    def _open(self, path: Path) -> StorageFile:
+        file, warning = self._unpacked.open(path)
+        with file.open('rb') as stream:
+            is_sqlite = stream.read(len(SQLITE_MAGIC)) == SQLITE_MAGIC
+        kind = SqliteFile if is_sqlite or '.db3' in path.suffixes else McapFile
+        storage = kind(path, file)
+        self.warnings += tuple(text for text in (warning, storage.warning) if text)
+        return storage
+
+    def _all_topics(self) -> dict[str, TopicInfo]:
+        topics: dict[str, TopicInfo] = {}
+        for storage in self._storages:
+            for name, stored in storage.topics.values():
+                info = replace(stored, msgtype=_FIRST_NAMES.sub(r'\1/msg/\2', stored.msgtype))
+                known = topics.get(name)
+                topics[name] = info if known is None else self._joined(name, known, info)
+        return topics
+
+    def _joined(self, topic: str, known: TopicInfo, info: TopicInfo) -> TopicInfo:
+        """Join what two channels or files say of a topic.
+
+        Raises:
+            OccError: they contradict each other.
+        """
+        pairs = [
+            ('types', known.msgtype, info.msgtype),
+            ('serializations', known.serialization, info.serialization),
+        ]
+        if known.definition and info.definition and known.definition != info.definition:
+            # Definitions that differ in comments are the same.
+            pairs.append(('definitions', *(_parsed_or_text(item) for item in (known, info))))
+        for what, first, second in pairs:
+            if first != second:
+                found = '' if what == 'definitions' else f', {first!r} and {second!r}'
+                raise OccError(
+                    f'{self.path} has topic {topic!r} with two {what}{found}; '
+                    'allowed is one for each topic'
+                )
+        told = known if known.definition else info
+        return replace(
+            told,
+            count=known.count + info.count,
+            offered_qos=known.offered_qos or info.offered_qos,
+        )
+
+    def _store(self, topic: str) -> Any:
+        if topic not in self._stores:
+            try:
+                self._stores[topic] = find_typestore(*_definition(self.topics[topic]))
+            except UndefinedTypeError as error:
+                raise self._undefined(topic, error.reason) from error
+        return self._stores[topic]
+
+    def _undefined(self, topic: str, reason: str) -> OccError:
+        what = (
+            f'cannot be used: {reason}'
+            if reason
+            else ('is neither complete in the bag nor part of ROS 2 Jazzy')
+        )
+        return OccError(
+            f'{self.path} has topic {topic!r} of type {self.topics[topic].msgtype!r}, whose '
+            f'definition {what}'
+        )
+
+
+def _unpack_message(data: bytes) -> bytes:
+    return unpack_zstd(data, MAX_PIECE_BYTES)
+
+
+def _is_storage(file: Path) -> bool:
+    suffixes = [suffix for suffix in file.suffixes if suffix not in ZSTD_SUFFIXES]
+    return file.is_file() and suffixes[-1:] in [[suffix] for suffix in _SUFFIXES]
+
+
+def _bare_name(file: Path) -> str:
+    name = file.name
+    for suffix in (*ZSTD_SUFFIXES, *_SUFFIXES):
+        name = name.removesuffix(suffix)
+    return name
+
+
+def _natural(name: str) -> list[Any]:
+    """Sort key that puts ``bag_10`` after ``bag_9``."""
+    return [int(part) if part.isdigit() else part for part in re.split(r'(\d+)', name)]
+
+
+def _as_stored(file: Path) -> Path:
+    """Return a listed file under the name it has: some are compressed or unpacked later on."""
+    others = [file.with_name(file.name + suffix) for suffix in ZSTD_SUFFIXES]
+    others += [file.with_suffix('')] if file.suffix in ZSTD_SUFFIXES else []
+    return next((other for other in (file, *others) if other.is_file()), file)
+
+
+def _definition(info: TopicInfo) -> tuple[str, str, str]:
+    return info.definition, info.definition_format, info.msgtype
+
+
+def _parsed_or_text(info: TopicInfo) -> Any:
+    try:
+        return find_definitions(*_definition(info))
+    except UndefinedTypeError:
+        return info.definition

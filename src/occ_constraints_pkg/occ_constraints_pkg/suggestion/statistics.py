@@ -1,0 +1,212 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""What a feature map yields on a recording: ranges, gaps, stale values, the first problem."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from occ_constraints_pkg.features.extractor import FeatureExtractor, rows_of
+from occ_constraints_pkg.features.feature_map import FeatureMap, topic_key
+from occ_constraints_pkg.rosbag.recording import Recording
+from occ_constraints_pkg.features.sources import FeatureSource
+from occ_constraints_pkg.errors import OccError
+
+# A feature that cannot be judged in more than this share of the rows is a problem.
+TOLERATED_SHARE = 0.05
+
+
+@dataclass(frozen=True)
+class FeatureYield:
+    """What one feature was on one recording.
+
+    Attributes:
+        source: the feature.
+        low: smallest value that can be judged; NaN where there is none.
+        median: median of those.
+        high: largest of those.
+        missing: share of the rows in which the value is missing or not finite.
+        outside: share of the rows in which it is outside its physical bounds.
+        stale: share of the rows in which a topic it needs was silent for too long, or had not
+            begun; part of ``missing``.
+        longest_still_s: longest time without any change, in s; of zeros and of values at a physical
+            bound, which are what a robot at rest and an empty scene give, it does not count.
+        first_problem: a sentence on the first row that cannot be judged; empty without one.
+    """
+
+    source: FeatureSource
+    low: float
+    median: float
+    high: float
+    missing: float
+    outside: float
+    stale: float
+    longest_still_s: float
+    first_problem: str
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether it never changed."""
+        return self.low == self.high
+
+    @property
+    def is_problem(self) -> bool:
+        """Whether it is too often not there, or never moved from a value other than at rest.
+
+        At rest are 0, as of a bumper, and a physical bound, as of open space.
+        """
+        is_stuck = self.is_constant and self.low not in (0.0, self.source.low, self.source.high)
+        return self.missing + self.outside > TOLERATED_SHARE or is_stuck
+
+
+@dataclass(frozen=True)
+class MapYield:
+    """What a feature map yields on a recording.
+
+    Attributes:
+        rows: how many.
+        duration_s: from the first row to the last.
+        usable: share of the rows in which every feature can be judged.
+        clock_jumps: how often a row's stamp lies before that of the row before.
+        features: each feature's part, in the order of the map.
+        warnings: one sentence for each thing that is missing or damaged in the recording.
+    """
+
+    rows: int
+    duration_s: float
+    usable: float
+    clock_jumps: int
+    features: tuple[FeatureYield, ...]
+    warnings: tuple[str, ...]
+
+    @property
+    def has_problem(self) -> bool:
+        """Whether some feature has one, or time went back."""
+        return self.clock_jumps > 0 or any(item.is_problem for item in self.features)
+
+
+def inspect(
+    recording: Recording,
+    feature_map: FeatureMap,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> MapYield:
+    """Compute the features of a recording and say what they are like.
+
+    Args:
+        recording: what to read.
+        feature_map: what to compute.
+        progress: called with (messages read, messages in all).
+
+    Raises:
+        OccError: the recording cannot be read, lacks what the map asks for, or gives no row.
+    """
+    names = [recording.find(topic_key(topic)) for topic in feature_map.topics]
+    total = sum(recording.topics[name].count for name in names)
+    done = 0
+
+    def tick() -> None:
+        nonlocal done
+        done += 1
+        if progress is not None:
+            progress(done, total)
+
+    extractor = FeatureExtractor(feature_map)
+    topics = [topic for topic in feature_map.topics if topic_key(topic) != extractor.pace_key]
+    values, stamps, ages = [], [], []
+    for rows in rows_of(recording, extractor, tick):
+        if rows.repeat or not len(rows.values):
+            continue
+        values.append(rows.values)
+        stamps.append(np.full(len(rows.values), rows.stamp_ns, dtype=np.int64))
+        age = extractor.ages_ns()
+        row = [np.nan if age[topic] is None else float(age[topic]) for topic in topics]
+        ages.append(np.broadcast_to(row, (len(rows.values), len(topics))))
+    if not values:
+        raise OccError(
+            f'{recording.path} gives no row: nothing came on '
+            f'{feature_map.pace or ", ".join(feature_map.topics)}'
+        )
+    table, when = np.concatenate(values), np.concatenate(stamps)
+    age = dict(zip(map(topic_key, topics), np.concatenate(ages).T, strict=True))
+    space = feature_map.space
+    usable = ((table >= space.lows) & (table <= space.highs) & np.isfinite(table)).all(axis=1)
+    return MapYield(
+        rows=len(table),
+        duration_s=float(when.max() - when.min()) * 1e-9,
+        usable=float(usable.mean()),
+        clock_jumps=int(np.count_nonzero(np.diff(when) < 0)),
+        features=tuple(
+            _yield(source, table[:, place], when, age, round(feature_map.max_age * 1e9))
+            for place, source in enumerate(feature_map.features)
+        ),
+        warnings=recording.warnings,
+    )
+
+
+def _yield(
+    source: FeatureSource,
+    values: np.ndarray,
+    stamps_ns: np.ndarray,
+    ages_ns: dict[str, np.ndarray],
+    max_age_ns: int,
+) -> FeatureYield:
+    missing = ~np.isfinite(values)
+    outside = ~missing & ((values < source.low) | (values > source.high))
+    good = values[~missing & ~outside]
+    low, median, high = np.percentile(good, [0, 50, 100]) if good.size else [np.nan] * 3
+    readings = [source.reading, *filter(None, [source.minus])]
+    stale = np.zeros(len(values), dtype=bool)
+    for key in {topic_key(reading.topic) for reading in readings} & ages_ns.keys():
+        stale |= ~(ages_ns[key] <= max_age_ns)
+    problem = ''
+    bad = np.flatnonzero(missing | outside)
+    if bad.size:
+        row = bad[0]
+        problem = f'{(stamps_ns[row] - stamps_ns[0]) * 1e-9:.2f} s: '
+        ages = {key: float(age[row]) for key, age in ages_ns.items()}
+        problem += _reason(source, float(values[row]), ages, max_age_ns)
+    return FeatureYield(
+        source=source,
+        low=float(low),
+        median=float(median),
+        high=float(high),
+        missing=float(missing.mean()),
+        outside=float(outside.mean()),
+        stale=float(stale.mean()),
+        longest_still_s=_longest_still_s(
+            values, stamps_ns, (values == 0.0) | (values == source.low) | (values == source.high)
+        ),
+        first_problem=problem,
+    )
+
+
+def _reason(source: FeatureSource, value: float, ages_ns: dict[str, float], max_age_ns: int) -> str:
+    """Say in words why a value cannot be judged."""
+    if np.isfinite(value):
+        return f'{value:g} is outside the bounds [{source.low:g}, {source.high:g}]'
+    for reading in filter(None, (source.reading, source.minus)):
+        age = ages_ns.get(topic_key(reading.topic), 0.0)
+        if np.isnan(age):
+            return f'no message on {reading.topic} yet'
+        if age > max_age_ns:
+            return (
+                f'the value of {reading.topic} is {age * 1e-9:.2f} s old, more than '
+                f'{max_age_ns * 1e-9:g} s'
+            )
+    if np.isinf(value):
+        return f'the value is {value:g}'
+    if any(step[0] == 'rate' for step in source.transform):
+        return 'no rate, as in a first row and after a gap or a clock that went back'
+    return 'nothing was measured'
+
+
+def _longest_still_s(values: np.ndarray, stamps_ns: np.ndarray, at_rest: np.ndarray) -> float:
+    """Return the longest time over which a column kept one value; time that goes back counts 0."""
+    changes = np.flatnonzero(np.concatenate(([True], values[1:] != values[:-1], [True])))
+    starts, ends = changes[:-1], np.minimum(changes[1:], len(values) - 1)
+    spans = np.where(at_rest[starts], 0, stamps_ns[ends] - stamps_ns[starts])
+    return max(float(spans.max()) * 1e-9, 0.0)

@@ -1,0 +1,173 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Suggested feature maps as commented YAML, and what a map yields as a table."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import textwrap
+from collections.abc import Sequence
+from typing import Any
+
+from occ_constraints_pkg.suggestion.heuristics import Candidate
+from occ_constraints_pkg.suggestion.suggest import Suggestion
+from occ_constraints_pkg.suggestion.statistics import FeatureYield, MapYield
+from occ_constraints_pkg.terminal import printable
+
+_WIDTH = 98
+_PLAIN = re.compile(r'[A-Za-z_/][A-Za-z0-9_./]*')
+_NOT_TEXT = {'true', 'false', 'null', 'yes', 'no', 'on', 'off', 'y', 'n'}
+
+
+def suggestion_text(suggestion: Suggestion) -> str:
+    """Return a suggested map as the text of a YAML file that loads as it is."""
+    pace, seen = suggestion.pace, suggestion.seen
+    lines = [
+        *_comment(
+            f'Suggested from {suggestion.name}: {seen.rows} rows in {seen.duration_s:.1f} s, of '
+            f'which {seen.usable:.1%} can be judged. Read it, delete what does not matter, and '
+            'uncomment what does.'
+        ),
+        *(line for text in suggestion.warnings for line in _comment(f'Warning: {text}.')),
+        'schema_version: 1',
+        *_comment(
+            f'Each message of this topic gives one row ({_rate(pace.rate)}); the others are held.'
+        ),
+        f'pace: {_flow(pace.key)}',
+        *_comment(
+            'Seconds; a held value that is older counts as missing, and the verdict is UNKNOWN.'
+        ),
+        f'max_age: {suggestion.max_age}',
+        'features:',
+    ]
+    used = [item for item in suggestion.candidates if not item.aside]
+    for item in used:
+        lines += ['', *_about(item), *_item(item.entry)]
+    aside = [item for item in suggestion.candidates if item.aside]
+    if aside:
+        lines += ['', *_comment('Not used, for the reason that stands with each:')]
+    for item in aside:
+        lines += ['#', *_about(item), *(f'# {line}' for line in _item(item.entry))]
+    if suggestion.unused:
+        names = ', '.join(f'{item.name} ({item.msgtype})' for item in suggestion.unused)
+        lines += ['', *_comment(f'Topics without a suggestion: {names}.')]
+    return '\n'.join(lines) + '\n'
+
+
+def describe_yield(seen: MapYield, where: str, pace: str) -> str:
+    """Return what a map yields as a table for people."""
+    lines = [
+        f'{where}: {seen.rows} rows in {seen.duration_s:.1f} s, paced by {pace}; '
+        f'{seen.usable:.1%} can be judged',
+        f'{"feature":<24}{"unit":>7}{"min":>11}{"median":>11}{"max":>11}{"missing":>9}'
+        f'{"outside":>9}{"stale":>8}  first problem',
+    ]
+    for item in seen.features:
+        numbers = ''.join(f'{_number(value):>11}' for value in (item.low, item.median, item.high))
+        shares = f'{item.missing:>9.1%}{item.outside:>9.1%}{item.stale:>8.1%}'
+        problem = 'never changes' if item.is_constant else item.first_problem
+        lines.append(
+            f'{item.source.name:<24}{item.source.unit:>7}{numbers}{shares}  {problem}'.rstrip()
+        )
+    if seen.clock_jumps:
+        lines.append(f'time goes back {seen.clock_jumps} times from one row to the next')
+    return '\n'.join(map(printable, lines))
+
+
+def yield_document(seen: MapYield) -> dict[str, Any]:
+    """Return what a map yields as what JSON can hold; a number that is not there is None."""
+    return {
+        'rows': seen.rows,
+        'duration_s': seen.duration_s,
+        'usable_share': seen.usable,
+        'clock_jumps': seen.clock_jumps,
+        'features': [
+            {
+                'name': item.source.name,
+                'unit': item.source.unit,
+                'min': _finite(item.low),
+                'median': _finite(item.median),
+                'max': _finite(item.high),
+                'missing_share': item.missing,
+                'outside_share': item.outside,
+                'stale_share': item.stale,
+                'longest_still_s': item.longest_still_s,
+                'first_problem': item.first_problem or None,
+                'is_problem': item.is_problem,
+            }
+            for item in seen.features
+        ],
+        'warnings': list(seen.warnings),
+    }
+
+
+def _about(item: Candidate) -> list[str]:
+    """Return the comment above an entry."""
+    name = item.entry['name']
+    lines = []
+    if item.seen:
+        text = f'{name}: {_span(item.seen)} {item.entry["unit"]}'.removesuffix(' 1')
+        missing = max(seen.missing + seen.outside for seen in item.seen)
+        text += f'; {item.topic.name} at {_rate(item.topic.rate)}'
+        text += f', missing in {missing:.1%} of the rows' if missing else ', never missing'
+        lines += _comment(text + '.')
+    if item.aside:
+        lines += _comment(f'{name} is not used: {item.aside}.')
+    if item.remark:
+        lines += _comment(item.remark[0].upper() + item.remark[1:].rstrip('.') + '.')
+    return lines
+
+
+def _span(seen: Sequence[FeatureYield]) -> str:
+    low, high = min(item.low for item in seen), max(item.high for item in seen)
+    if low == high:
+        return f'always {_number(low)}'
+    text = f'{_number(low)} to {_number(high)}'
+    return f'{text}, median {_number(seen[0].median)}' if len(seen) == 1 else text
+
+
+def _comment(text: str) -> list[str]:
+    return [
+        f'# {line}' for line in textwrap.wrap(printable(text), _WIDTH - 2, break_on_hyphens=False)
+    ]
+
+
+def _item(entry: dict[str, Any]) -> list[str]:
+    """Return an entry as an item of a YAML list, in lines that are not too long."""
+    pairs = [f'{key}: {_flow(value)}' for key, value in entry.items()]
+    lines = ['- {' + pairs[0]]
+    for pair in pairs[1:]:
+        if len(lines[-1]) + len(pair) + 3 <= _WIDTH:
+            lines[-1] += f', {pair}'
+        else:
+            lines[-1] += ','
+            lines.append(f'   {pair}')
+    lines[-1] += '}'
+    return lines
+
+
+def _flow(value: Any) -> str:
+    """Return a plain value as YAML on one line."""
+    if isinstance(value, dict):
+        return '{' + ', '.join(f'{key}: {_flow(item)}' for key, item in value.items()) + '}'
+    if isinstance(value, list):
+        return '[' + ', '.join(_flow(item) for item in value) + ']'
+    if isinstance(value, str) and printable(value) != value:
+        return json.dumps(value)
+    if isinstance(value, str) and not (_PLAIN.fullmatch(value) and value.lower() not in _NOT_TEXT):
+        return "'" + value.replace("'", "''") + "'"
+    return value if isinstance(value, str) else json.dumps(value)
+
+
+def _rate(rate: float) -> str:
+    return f'{rate:.3g} Hz' if math.isfinite(rate) else 'an unknown rate'
+
+
+def _number(value: float) -> str:
+    return f'{value:.4g}' if math.isfinite(value) else '-'
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

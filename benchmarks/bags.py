@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rosbags.highlevel import AnyReader
-from rosbags.typesys import Stores, get_typestore
-
-from occ_constraints_pkg.features.extractor import extract
+from occ_constraints_pkg.datasets.extraction import extract
 from occ_constraints_pkg.features.feature_map import FeatureMap, FeatureSource
 from occ_constraints_pkg.rosbag.recording import Recording
 from occ_constraints_pkg.rosbag.writer import BagWriter
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
+
 from benchmarks.conditions import machine, versions
 
 _MEGABYTES = 200

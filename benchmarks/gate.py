@@ -21,21 +21,21 @@ from typing import Any
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Twist
-from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
-from sensor_msgs.msg import Range
-
-from occ_constraints_pkg.features.feature_map import FeatureMap
-from occ_constraints_pkg.errors import OccError
-from benchmarks.conditions import machine, versions
 from occ_constraints_pkg.demo.processes import NodeProcess, environment, private_domain
+from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.features.feature_map import FeatureMap
 from occ_constraints_pkg.ros.diagnostics import read_verdict
 from occ_constraints_pkg.ros.messages import to_time
 from occ_constraints_pkg.ros.qos import COMMANDS, VERDICTS
 from occ_constraints_pkg.rules import Feature, FeatureSpace, Literal, Rule, RuleSet, Verdict
 from occ_constraints_pkg.rules.constraints_file import Constraints
 from occ_constraints_pkg.rules.gating import GateSettings
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from sensor_msgs.msg import Range
+
+from benchmarks.conditions import machine, versions
 
 _PERIOD = 0.02
 _FAULT_SECONDS = 1.2

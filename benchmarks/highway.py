@@ -11,14 +11,14 @@ from typing import Any
 import gymnasium
 import highway_env
 import numpy as np
-
-from benchmarks.conditions import machine, versions
-from experiments.highway_fidelity import compare
 from occ_constraints_pkg.worlds.highway import STEERING_RANGE, Highway
-from experiments.highway_reference import ReferenceHighway
 from occ_constraints_pkg.worlds.highway_scenarios import TRAFFIC, scenario
 from occ_constraints_pkg.worlds.highway_traffic import STEP_SECONDS
 from occ_constraints_pkg.worlds.stream import EpisodeStream
+
+from benchmarks.conditions import machine, versions
+from experiments.highway_fidelity import compare
+from experiments.highway_reference import ReferenceHighway
 
 ROBOTS = (64, 256)
 # Of each form before the next has its turn, so that a change of load meets all of them.

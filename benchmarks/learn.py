@@ -10,10 +10,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from occ_constraints_pkg.learning.estimator import OCTreeClassifier
 from sklearn.ensemble import IsolationForest
 
 from benchmarks.conditions import machine, versions
-from occ_constraints_pkg.learning.estimator import OCTreeClassifier
 
 _ROWS, _FEATURES, _DEPTH = 1_000_000, 20, 10
 _MOST_ROUNDS = 5

@@ -7,11 +7,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-
-from benchmarks.learn import make_rows, processor_time
-from benchmarks.conditions import machine, versions
 from occ_constraints_pkg.learning.safe_set import fit_safe_set
 from occ_constraints_pkg.learning.settings import OCTreeSettings
+
+from benchmarks.conditions import machine, versions
+from benchmarks.learn import make_rows, processor_time
 
 _ROWS = (100_000, 1_000_000, 10_000_000)
 _SETTINGS = OCTreeSettings(max_depth=10, contamination=0.01)

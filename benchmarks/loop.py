@@ -11,17 +11,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-
 from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian
 from occ_constraints_pkg.agents.rule_cost import RuleCost
 from occ_constraints_pkg.agents.settings import PPOLagrangianConfig
 from occ_constraints_pkg.agents.training import train
-from occ_constraints_pkg.errors import OccError
-from benchmarks.conditions import machine, versions
 from occ_constraints_pkg.demo.processes import nodes_running, private_domain
-from experiments.transfer import demonstrated_constraints
+from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.rules.constraints_file import Constraints
 from occ_constraints_pkg.worlds.registry import make_world
+
+from benchmarks.conditions import machine, versions
+from experiments.transfer import demonstrated_constraints
 
 _WORLD = 'PointGoal1'
 _ROBOTS, _ROLLOUT_STEPS = 256, 128

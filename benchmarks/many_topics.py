@@ -13,10 +13,9 @@ import time
 from pathlib import Path
 
 import rclpy
+from occ_constraints_pkg.ros.qos import STEPS
 from rclpy.node import Node
 from std_msgs.msg import UInt64
-
-from occ_constraints_pkg.ros.qos import STEPS
 
 ENTRY = struct.Struct('<QQII')
 """An entry of the log: the message's number, its time in ns, the topic's, whether it was heard."""

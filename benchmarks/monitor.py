@@ -14,17 +14,17 @@ from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.context import Context
-from sensor_msgs.msg import PointCloud2
-
-from occ_constraints_pkg.features.table import Table
-from benchmarks.conditions import machine, versions
-from benchmarks.synthetic import drives, learned_rules
 from occ_constraints_pkg.demo.processes import NodeProcess, environment, private_domain
-from benchmarks.traffic import Answers, Traffic, serialized
+from occ_constraints_pkg.features.table import Table
 from occ_constraints_pkg.ros.qos import VERDICTS
 from occ_constraints_pkg.rules import FeatureSpace
 from occ_constraints_pkg.rules.constraints_file import Constraints
+from rclpy.context import Context
+from sensor_msgs.msg import PointCloud2
+
+from benchmarks.conditions import machine, versions
+from benchmarks.synthetic import drives, learned_rules
+from benchmarks.traffic import Answers, Traffic, serialized
 
 _MESSAGES = 500
 _MANY_ROWS, _MANY_MESSAGES = 4096, 8

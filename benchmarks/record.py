@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-
-from occ_constraints_pkg.rosbag.recording import Recording
+from occ_constraints_pkg.demo.processes import NodeProcess, private_domain
 from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.rosbag.recording import Recording
+
 from benchmarks.conditions import machine, versions
 from benchmarks.many_topics import number_of, read_log
-from occ_constraints_pkg.demo.processes import NodeProcess, private_domain
 
 _TOPICS, _RATE = 200, 5.0
 _KILLS, _INTERRUPTS = 20, 5

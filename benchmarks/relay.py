@@ -11,12 +11,11 @@ from __future__ import annotations
 import sys
 
 import rclpy
+from occ_constraints_pkg.ros.qos import STEPS
 from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
 from rclpy.task import Future
 from sensor_msgs.msg import PointCloud2
-
-from occ_constraints_pkg.ros.qos import STEPS
 
 _LOOK_SECONDS = 0.2
 

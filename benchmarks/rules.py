@@ -11,12 +11,12 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+from occ_constraints_pkg.rules import RuleSet, Verdict
+from occ_constraints_pkg.rules.forecast import Forecast, Forecaster
 from sklearn.tree import DecisionTreeClassifier
 
 from benchmarks.conditions import machine, versions
 from benchmarks.synthetic import TRAINING_ROWS, drives, learned_rules
-from occ_constraints_pkg.rules import RuleSet, Verdict
-from occ_constraints_pkg.rules.forecast import Forecast, Forecaster
 
 _ROWS = 1_000_000
 _LEAST_ROUNDS = 3

@@ -7,7 +7,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-
 from occ_constraints_pkg.learning.extraction import extract_rules
 from occ_constraints_pkg.learning.safe_set import fit_safe_set
 from occ_constraints_pkg.learning.settings import OCTreeSettings

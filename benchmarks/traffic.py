@@ -10,6 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.features.table import Table
+from occ_constraints_pkg.ros.messages import table_message
+from occ_constraints_pkg.ros.qos import SETTLED_LOOKS, STEPS
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.context import Context
@@ -18,11 +22,6 @@ from rclpy.node import Node
 from rclpy.serialization import serialize_message
 from rclpy.task import Future
 from sensor_msgs.msg import PointCloud2
-
-from occ_constraints_pkg.features.table import Table
-from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.ros.messages import table_message
-from occ_constraints_pkg.ros.qos import SETTLED_LOOKS, STEPS
 
 # A serialized message begins with four bytes that name the encoding, then its header's stamp.
 _STAMP = struct.Struct('<iI')

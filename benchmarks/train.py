@@ -10,8 +10,9 @@ from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian
 from occ_constraints_pkg.agents.run import RunSettings
 from occ_constraints_pkg.agents.settings import PPOLagrangianConfig
 from occ_constraints_pkg.agents.training import TrueCost, train
-from benchmarks import loop
 from occ_constraints_pkg.worlds.registry import make_world
+
+from benchmarks import loop
 
 # Of the measured time, what the peer gets in addition.
 _PEER_SHARE = 0.25

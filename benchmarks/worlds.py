@@ -10,12 +10,12 @@ from typing import Any
 
 import mujoco
 import numpy as np
-
-from benchmarks.conditions import machine, versions
 from occ_constraints_pkg.worlds.physics import SUBSTEPS
 from occ_constraints_pkg.worlds.registry import make_world
 from occ_constraints_pkg.worlds.safety_gym import SafetyGymWorld
 from occ_constraints_pkg.worlds.stream import EpisodeStream
+
+from benchmarks.conditions import machine, versions
 
 TASKS = ('PointGoal1', 'PointPush1', 'CarGoal1', 'CarPush1')
 ROBOTS = 64

@@ -9,16 +9,16 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-
 from occ_constraints_pkg.agents.drivers import find_driver
-from occ_constraints_pkg.features.feature_map import FeatureMap, load_feature_map
 from occ_constraints_pkg.errors import OccError
-from benchmarks.conditions import machine, versions
-from experiments.states import drive_states
-from experiments.truth import worlds_with_truth
+from occ_constraints_pkg.features.feature_map import FeatureMap, load_feature_map
 from occ_constraints_pkg.learning.learn import is_safe, learn
 from occ_constraints_pkg.learning.scoring import score_flags
 from occ_constraints_pkg.worlds.registry import make_world
+
+from benchmarks.conditions import machine, versions
+from experiments.states import drive_states
+from experiments.truth import worlds_with_truth
 
 PROMISES = (0.2, 0.1, 0.05)
 """The probabilities that are promised; beside them, no promise at all."""

@@ -27,12 +27,22 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.files import RESULTS, TABLE, make_directory, write_text
+from occ_constraints_pkg.learning.octree import fit_tree, oversteps
+from occ_constraints_pkg.learning.settings import OCTreeSettings
+from occ_constraints_pkg.learning.tree import Node
 from sklearn.ensemble import IsolationForest
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 from sklearn.svm import OneClassSVM
 
-from occ_constraints_pkg.errors import OccError
+from benchmarks.conditions import (
+    data_folder,
+    earlier_results,
+    machine,
+    versions,
+)
 from experiments.article_data import (
     BENCHMARKS,
     Benchmark,
@@ -40,16 +50,6 @@ from experiments.article_data import (
     load_benchmark,
 )
 from experiments.article_printed import METHODS, NOISE_LEVELS, markdown
-from benchmarks.conditions import (
-    data_folder,
-    earlier_results,
-    machine,
-    versions,
-)
-from occ_constraints_pkg.files import RESULTS, TABLE, make_directory, write_text
-from occ_constraints_pkg.learning.octree import fit_tree, oversteps
-from occ_constraints_pkg.learning.settings import OCTreeSettings
-from occ_constraints_pkg.learning.tree import Node
 
 NUS = (0.05, 0.10, 0.15, 0.20)
 _LEAST_SAMPLES = 5

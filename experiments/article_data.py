@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from sklearn.datasets import load_iris
-
 from occ_constraints_pkg.errors import OccError
+from sklearn.datasets import load_iris
 
 ALPHAS = (0.5, 0.6, 0.7, 0.8)
 

@@ -17,6 +17,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from occ_constraints_pkg.files import make_directory, replacing
+from occ_constraints_pkg.rules.gating import Debounce, GateSettings
+from occ_constraints_pkg.rules.verdict import Verdict
 
 from experiments.robots import (
     KINDS,
@@ -26,9 +29,6 @@ from experiments.robots import (
     safe_recordings,
     suggested_map,
 )
-from occ_constraints_pkg.files import make_directory, replacing
-from occ_constraints_pkg.rules.gating import Debounce, GateSettings
-from occ_constraints_pkg.rules.verdict import Verdict
 
 PATTERNS = ('VSS', 'VSSSSSSSSS')
 _PATTERN_REPEATS = 40

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-
+from occ_constraints_pkg.agents.highway_film import draw_drives, drive_through
 from occ_constraints_pkg.agents.policy import GaussianPolicy
 from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian
 from occ_constraints_pkg.agents.rule_cost import RuleCost
@@ -24,19 +24,19 @@ from occ_constraints_pkg.agents.training import (
     read_metrics,
     train,
 )
-from occ_constraints_pkg.features.feature_map import load_feature_map
 from occ_constraints_pkg.documents import read_json_object
 from occ_constraints_pkg.errors import OccError
-from benchmarks.conditions import machine, versions
-from experiments.highway_agents import OUTCOMES, CountedHighway, LastingRuleCost
-from experiments.highway_fidelity import drive_both
+from occ_constraints_pkg.features.feature_map import load_feature_map
 from occ_constraints_pkg.files import RESULTS, TABLE, make_directory, write_text
 from occ_constraints_pkg.learning.learn import learn
-from occ_constraints_pkg.agents.highway_film import draw_drives, drive_through
-from experiments.highway_results import draw_curves, markdown, summary
 from occ_constraints_pkg.rules.constraints_file import Constraints, load_constraints
 from occ_constraints_pkg.worlds.highway_demonstrations import traffic_drives
 from occ_constraints_pkg.worlds.highway_scenarios import FULL, RESTRICTED
+
+from benchmarks.conditions import machine, versions
+from experiments.highway_agents import OUTCOMES, CountedHighway, LastingRuleCost
+from experiments.highway_fidelity import drive_both
+from experiments.highway_results import draw_curves, markdown, summary
 
 SETS = {'restricted': RESTRICTED, 'full': FULL}
 AGENTS = ('RL', 'RL with engineered reward', 'ours')

@@ -7,7 +7,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-
 from occ_constraints_pkg.agents.rule_cost import RuleCost
 from occ_constraints_pkg.rules.constraints_file import Constraints
 from occ_constraints_pkg.worlds.highway import Highway

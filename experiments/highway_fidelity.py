@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-
 from occ_constraints_pkg.agents.policy import GaussianPolicy
 from occ_constraints_pkg.worlds.highway import (
     ACCELERATION_RANGE,
@@ -17,7 +16,6 @@ from occ_constraints_pkg.worlds.highway import (
     observed,
 )
 from occ_constraints_pkg.worlds.highway_features import surroundings
-from experiments.highway_reference import ReferenceHighway
 from occ_constraints_pkg.worlds.highway_scenarios import TRAFFIC, scenario
 from occ_constraints_pkg.worlds.highway_traffic import (
     HEADING,
@@ -29,6 +27,8 @@ from occ_constraints_pkg.worlds.highway_traffic import (
     X,
     Y,
 )
+
+from experiments.highway_reference import ReferenceHighway
 
 
 @dataclass(frozen=True)

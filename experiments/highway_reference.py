@@ -9,7 +9,6 @@ from highway_env import utils
 from highway_env.envs.highway_env import HighwayEnvFast
 from highway_env.road.road import Road, RoadNetwork
 from highway_env.vehicle.behavior import IDMVehicle
-
 from occ_constraints_pkg.worlds.highway_features import FAR
 from occ_constraints_pkg.worlds.highway_scenarios import LANE_WIDTH, SPEED_LIMIT, Scenario
 from occ_constraints_pkg.worlds.highway_traffic import STEP_SECONDS

@@ -15,10 +15,9 @@ mpl.use('Agg')
 import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
-from scipy.special import ndtri
-
 from occ_constraints_pkg.agents.evaluation import half_width
 from occ_constraints_pkg.files import PICTURE, replacing
+from scipy.special import ndtri
 
 RATES = {'collision': 'collision rate', 'off_road': 'off-road rate'}
 _COLOURS = {'RL': '#888888', 'RL with engineered reward': '#c8862b', 'ours': '#3b6ea5'}

@@ -22,16 +22,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-
-from occ_constraints_pkg.features.feature_map import FeatureMap, load_feature_map
-from occ_constraints_pkg.traffic.convert import read_drives
 from occ_constraints_pkg.errors import OccError
-from benchmarks.conditions import data_folder
+from occ_constraints_pkg.features.feature_map import FeatureMap, load_feature_map
 from occ_constraints_pkg.files import RESULTS, TABLE, make_directory, write_text
 from occ_constraints_pkg.learning.learn import is_safe, learn
 from occ_constraints_pkg.learning.settings import OCTreeSettings
-from occ_constraints_pkg.traffic.rules_text import rule_rows, rules_table
 from occ_constraints_pkg.rules.ruleset import RuleSet
+from occ_constraints_pkg.traffic.convert import read_drives
+from occ_constraints_pkg.traffic.rules_text import rule_rows, rules_table
+
+from benchmarks.conditions import data_folder
 
 CONTAMINATION = 0.01
 # Without splits, which is the default, and as the tree's article advises.

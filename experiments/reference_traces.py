@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.worlds.bodies import PILLAR_RADIUS
 from occ_constraints_pkg.worlds.layout import EXTENT, Layout

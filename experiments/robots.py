@@ -25,20 +25,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-
 from occ_constraints_pkg.datasets.dataset import Dataset
-from occ_constraints_pkg.features.extractor import extract
-from occ_constraints_pkg.features.feature_map import FeatureMap
-from occ_constraints_pkg.rosbag.recording import Recording
-from occ_constraints_pkg.suggestion.suggest import suggest
+from occ_constraints_pkg.datasets.extraction import extract
 from occ_constraints_pkg.documents import parse_yaml
 from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.features.feature_map import FeatureMap
 from occ_constraints_pkg.files import FEATURE_MAP, RESULTS, TABLE, make_directory, write_text
 from occ_constraints_pkg.learning.learn import learn
 from occ_constraints_pkg.learning.settings import OCTreeSettings
-from occ_constraints_pkg.suggestion.text import suggestion_text
+from occ_constraints_pkg.rosbag.recording import Recording
 from occ_constraints_pkg.rules.constraints_file import Constraints
 from occ_constraints_pkg.rules.verdict import Judgement, Verdict
+from occ_constraints_pkg.suggestion.suggest import suggest
+from occ_constraints_pkg.suggestion.text import suggestion_text
 
 KINDS = ('tb3', 'neato')
 # Share of the safe samples that may lie outside.

@@ -11,19 +11,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-
 from occ_constraints_pkg.agents.drivers import find_driver
 from occ_constraints_pkg.agents.evaluation import evaluate, half_width
 from occ_constraints_pkg.agents.rule_cost import RuleCost
+from occ_constraints_pkg.agents.seeds import seeds_summary, train_seeds
 from occ_constraints_pkg.agents.settings import PPOLagrangianConfig
 from occ_constraints_pkg.features.feature_map import load_feature_map
-from benchmarks.conditions import machine, versions
-from occ_constraints_pkg.agents.seeds import seeds_summary, train_seeds
-from experiments.states import first_episodes
 from occ_constraints_pkg.files import RESULTS, make_directory, write_text
 from occ_constraints_pkg.learning.learn import learn
 from occ_constraints_pkg.rules.constraints_file import Constraints, load_constraints
 from occ_constraints_pkg.worlds.registry import make_world
+
+from benchmarks.conditions import machine, versions
+from experiments.states import first_episodes
 
 _EVALUATION_SEED = 10_000
 

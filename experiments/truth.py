@@ -19,21 +19,21 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-
 from occ_constraints_pkg.agents.drivers import find_driver
 from occ_constraints_pkg.agents.scripted import DRIVERS, Driver
-from occ_constraints_pkg.features.feature_map import FeatureMap, load_feature_map
 from occ_constraints_pkg.errors import OccError
-from benchmarks.conditions import earlier_results, machine, versions
-from experiments.states import drive_states
+from occ_constraints_pkg.features.feature_map import FeatureMap, load_feature_map
 from occ_constraints_pkg.files import RESULTS, TABLE, make_directory, write_text
 from occ_constraints_pkg.learning.learn import learn
 from occ_constraints_pkg.learning.scoring import score_flags
 from occ_constraints_pkg.learning.settings import OCTreeSettings
-from experiments.truth_picture import draw_truth
 from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.rules.verdict import Verdict
 from occ_constraints_pkg.worlds.registry import WORLDS, make_world
+
+from benchmarks.conditions import earlier_results, machine, versions
+from experiments.states import drive_states
+from experiments.truth_picture import draw_truth
 
 LEVELS = {'expert': None, 'mixed': 0.045}
 """Names of the levels, and the share of costly samples that is mixed to."""

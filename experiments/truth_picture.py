@@ -13,7 +13,6 @@ import matplotlib as mpl
 mpl.use('Agg')
 
 from matplotlib import pyplot as plt
-
 from occ_constraints_pkg.files import PICTURE, replacing
 
 _STYLES = {'expert': '-', 'mixed': '--'}

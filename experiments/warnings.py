@@ -16,12 +16,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-
-from occ_constraints_pkg.datasets.dataset import Dataset
 from occ_constraints_pkg.checking.early_warning import WarningRecord, warning_record
-from occ_constraints_pkg.features.extractor import extract
-from occ_constraints_pkg.features.feature_map import load_feature_map
+from occ_constraints_pkg.checking.early_warning_text import warnings_summary
 from occ_constraints_pkg.checking.timeline import make_timeline
+from occ_constraints_pkg.datasets.dataset import Dataset
+from occ_constraints_pkg.datasets.extraction import extract
+from occ_constraints_pkg.features.feature_map import load_feature_map
+from occ_constraints_pkg.files import RESULTS, TABLE, make_directory, write_text
+from occ_constraints_pkg.learning.learn import learn
+from occ_constraints_pkg.learning.settings import OCTreeSettings
+from occ_constraints_pkg.rules.forecast import WINDOW_SECONDS
+from occ_constraints_pkg.rules.ruleset import RuleSet
+
 from experiments.robots import (
     KINDS,
     data_folder,
@@ -30,12 +36,6 @@ from experiments.robots import (
     safe_recordings,
     suggested_map,
 )
-from occ_constraints_pkg.files import RESULTS, TABLE, make_directory, write_text
-from occ_constraints_pkg.learning.learn import learn
-from occ_constraints_pkg.learning.settings import OCTreeSettings
-from occ_constraints_pkg.checking.early_warning_text import warnings_summary
-from occ_constraints_pkg.rules.forecast import WINDOW_SECONDS
-from occ_constraints_pkg.rules.ruleset import RuleSet
 
 HORIZONS = (0.5, 1.0, 2.0)
 # World, recording of the expert, recording of the driver that violates.

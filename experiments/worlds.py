@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-
 from occ_constraints_pkg.agents.drivers import find_driver
 from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.worlds.registry import make_world
+
 from benchmarks.conditions import data_folder, versions
 from experiments.reference_traces import (
     TASKS,
@@ -24,7 +25,6 @@ from experiments.reference_traces import (
     reference_step,
     single_steps,
 )
-from occ_constraints_pkg.worlds.registry import make_world
 
 _FOLDER = 'safety_gym_traces'
 # The recorded actions of the episode with seed s are those of NumPy's generator with seed 1000 + s.

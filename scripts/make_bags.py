@@ -8,8 +8,8 @@ import shutil
 import tempfile
 from pathlib import Path
 
-from occ_constraints_pkg.experiments.drives import record_drives
-from occ_constraints_pkg.experiments.processes import private_domain
+from occ_constraints_pkg.demo.processes import private_domain
+from occ_constraints_pkg.demo.recordings import record_drives
 
 # name: world, driver, robots, episodes of each robot
 BAGS = {

@@ -9,6 +9,9 @@ import pytest
 from hypothesis import settings
 from occ_constraints_pkg.cli import main
 
+# Fixtures of recordings and messages.
+pytest_plugins = ['recordings']
+
 # How long one example takes depends on what else the machine does.
 settings.register_profile('any machine', deadline=None)
 settings.load_profile('any machine')

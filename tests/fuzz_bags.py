@@ -20,13 +20,13 @@ import numpy as np
 import zstandard
 from fuzzing import damaged, watch
 from mcap.writer import CompressionType, Writer
-from occ_constraints_pkg.bags.extract import extract
-from occ_constraints_pkg.bags.feature_map import FeatureMap, FeatureSource
-from occ_constraints_pkg.bags.manifest import select
-from occ_constraints_pkg.bags.playback import is_latched
-from occ_constraints_pkg.bags.recording import Recording
+from occ_constraints_pkg.datasets.extraction import extract
+from occ_constraints_pkg.datasets.manifest import select
 from occ_constraints_pkg.documents import dump_yaml
 from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.features.feature_map import FeatureMap, FeatureSource
+from occ_constraints_pkg.rosbag.playback import is_latched
+from occ_constraints_pkg.rosbag.recording import Recording
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.typesys import Stores, get_typestore

@@ -27,7 +27,7 @@ from occ_constraints_pkg.agents.policy import GaussianPolicy
 from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian
 from occ_constraints_pkg.agents.settings import PPOLagrangianConfig
 from occ_constraints_pkg.agents.training import read_metrics
-from occ_constraints_pkg.bags.table_files import read_tables
+from occ_constraints_pkg.datasets.table_files import read_tables
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.rules.kept_counts import KeptCounts
 from occ_constraints_pkg.rules.rule import Literal, Rule

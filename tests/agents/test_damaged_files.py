@@ -113,7 +113,7 @@ _READ = """
 import resource, sys
 from occ_constraints_pkg.agents.policy import GaussianPolicy
 from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian
-from occ_constraints_pkg.bags.table_files import read_tables
+from occ_constraints_pkg.datasets.table_files import read_tables
 from occ_constraints_pkg.errors import OccError
 read = {'policy': GaussianPolicy.load, 'checkpoint': PPOLagrangian.load}.get(sys.argv[1])
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

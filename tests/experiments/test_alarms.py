@@ -7,7 +7,7 @@ from occ_constraints_pkg.errors import OccError
 
 pytest.importorskip('mujoco', reason="needs the extra 'train'")
 
-from occ_constraints_pkg.experiments import alarms  # noqa: E402
+from experiments import alarms  # noqa: E402
 
 
 @pytest.mark.parametrize(

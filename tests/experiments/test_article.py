@@ -9,14 +9,15 @@ import numpy as np
 import pytest
 from occ_constraints_pkg.cli import main
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.experiments.article_printed import METHODS, NOISE_LEVELS, printed
 from occ_constraints_pkg.learning.octree import fit_tree
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 
+from experiments.article_printed import METHODS, NOISE_LEVELS, printed
+
 pytest.importorskip('sklearn')
 
-from occ_constraints_pkg.experiments import article
-from occ_constraints_pkg.experiments.article_data import contaminate
+from experiments import article
+from experiments.article_data import contaminate
 
 
 @pytest.fixture(scope='module')

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.experiments.debouncing import run_debouncing
 from occ_constraints_pkg.rules.gating import GateSettings
+
+from experiments.debouncing import run_debouncing
 
 ROBOTS = Path(os.environ.get('OCC_TEST_DATA', '../shared/data')) / 'robots'
 

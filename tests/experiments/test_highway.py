@@ -12,21 +12,22 @@ pytest.importorskip('matplotlib')
 
 from occ_constraints_pkg.agents.policy import GaussianPolicy
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.experiments.highway import (
+from occ_constraints_pkg.worlds.highway import Highway
+from occ_constraints_pkg.worlds.stream import EpisodeStream
+
+from experiments.highway import (
     HighwaySettings,
     rules_for,
     run_highway,
     train_agent,
 )
-from occ_constraints_pkg.experiments.highway_agents import (
+from experiments.highway_agents import (
     OUTCOMES,
     CountedHighway,
     LastingRuleCost,
     safety_reward,
 )
-from occ_constraints_pkg.experiments.highway_fidelity import drive_both
-from occ_constraints_pkg.worlds.highway import Highway
-from occ_constraints_pkg.worlds.stream import EpisodeStream
+from experiments.highway_fidelity import drive_both
 
 TINY = HighwaySettings(
     sets=('restricted',),

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.experiments import ngsim
-from occ_constraints_pkg.experiments.ngsim import run_ngsim
+
+from experiments import ngsim
+from experiments.ngsim import run_ngsim
 
 
 @pytest.fixture

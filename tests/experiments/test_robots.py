@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.experiments.robots import run_robots
+
+from experiments.robots import run_robots
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ import pytest
 
 pytest.importorskip('torch', reason="needs the extra 'train'")
 
-from occ_constraints_pkg.experiments.transfer import (  # noqa: E402
+from experiments.transfer import (  # noqa: E402
     TransferSettings,
     demonstrated_constraints,
     run_transfer,

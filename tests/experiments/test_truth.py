@@ -12,8 +12,8 @@ from occ_constraints_pkg.errors import OccError
 pytest.importorskip('mujoco', reason='MuJoCo is not installed')
 pytest.importorskip('matplotlib', reason='matplotlib is not installed')
 
-from occ_constraints_pkg.experiments import truth
-from occ_constraints_pkg.experiments.states import drive_states
+from experiments import truth
+from experiments.states import drive_states
 
 RADIUS = 0.2
 STEPS = 1001
@@ -105,7 +105,7 @@ def test_the_blind_see_no_hazard_and_the_rest():
 
 
 def test_states_are_those_of_whole_episodes(monkeypatch):
-    from occ_constraints_pkg.bags.feature_map import load_feature_map
+    from occ_constraints_pkg.features.feature_map import load_feature_map
     from occ_constraints_pkg.worlds.safety_gym import PointGoal1
 
     monkeypatch.setattr(PointGoal1, 'max_episode_steps', 5)

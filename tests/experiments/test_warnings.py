@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.experiments.warnings import run_warnings
+
+from experiments.warnings import run_warnings
 
 BAGS = Path(__file__).parents[2] / 'bags'
 

@@ -7,10 +7,11 @@ import pytest
 from occ_constraints_pkg.cli import main
 
 pytest.importorskip('mujoco')
-from occ_constraints_pkg.experiments import worlds  # noqa: E402
-from occ_constraints_pkg.experiments.benchmarks import worlds as bench  # noqa: E402
-from occ_constraints_pkg.experiments.reference_traces import reference_start  # noqa: E402
 from occ_constraints_pkg.worlds.safety_gym import CarPush1, PointGoal1, PointPush1  # noqa: E402
+
+from benchmarks import worlds as bench  # noqa: E402
+from experiments import worlds  # noqa: E402
+from experiments.reference_traces import reference_start  # noqa: E402
 
 
 def test_starts_of_the_reference_keep_our_rules():

@@ -15,12 +15,12 @@ from occ_constraints_pkg.learning.calibration import (
     space_limits,
 )
 from occ_constraints_pkg.learning.extraction import extract_rules
+from occ_constraints_pkg.learning.guarantee import loss_words, promise_words
 from occ_constraints_pkg.learning.learn import learn
-from occ_constraints_pkg.learning.promise import loss_words, promise_words
+from occ_constraints_pkg.learning.rules_text import describe_promise
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.learning.simplification import extract_and_simplify
 from occ_constraints_pkg.learning.tree import Branch, Node
-from occ_constraints_pkg.report.rules import describe_promise
 from occ_constraints_pkg.rules import Feature, FeatureSpace, Verdict
 from occ_constraints_pkg.rules.constraints_file import parse_constraints
 from strategies import probes, tree_bounds, trees

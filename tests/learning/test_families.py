@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from occ_constraints_pkg.bags.feature_map import load_feature_map
 from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.features.feature_map import load_feature_map
 from occ_constraints_pkg.learning.learn import learn
 from occ_constraints_pkg.learning.safe_set import fit_safe_set
 from occ_constraints_pkg.learning.settings import OCTreeSettings

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_bags import write_drive
-from occ_constraints_pkg.bags.feature_map import load_feature_map
-from occ_constraints_pkg.experiments.processes import NodeProcess
+from occ_constraints_pkg.demo.processes import NodeProcess
+from occ_constraints_pkg.features.feature_map import load_feature_map
 from occ_constraints_pkg.rules import Literal, Rule, RuleSet
 from occ_constraints_pkg.rules.constraints_file import Constraints
+from synthetic_bags import write_drive
 
 # Domains above 101 use ports that Linux also hands out by itself.
 _DOMAINS = (1 + number % 101 for number in itertools.count(os.getpid()))
@@ -80,7 +80,7 @@ def nodes(make_nodes):
 @pytest.fixture
 def witness(nodes):
     """Return a listener in this process."""
-    from occ_constraints_pkg.experiments.witness import Witness
+    from occ_constraints_pkg.demo.observer import Witness
 
     with Witness(nodes.domain) as witness:
         yield witness

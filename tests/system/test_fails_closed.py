@@ -10,8 +10,8 @@ import time
 
 import numpy as np
 import pytest
-from occ_constraints_pkg.bags.feature_map import FeatureMap
-from occ_constraints_pkg.bags.table import Table
+from occ_constraints_pkg.features.feature_map import FeatureMap
+from occ_constraints_pkg.features.table import Table
 from occ_constraints_pkg.rules import Literal, Rule, RuleSet
 from occ_constraints_pkg.rules.constraints_file import Constraints
 

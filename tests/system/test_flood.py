@@ -7,8 +7,8 @@ import subprocess
 import sys
 
 import pytest
-from occ_constraints_pkg.bags.recording import Recording
-from occ_constraints_pkg.experiments.processes import environment
+from occ_constraints_pkg.demo.processes import environment
+from occ_constraints_pkg.rosbag.recording import Recording
 
 # Publishes as fast as it can, until it is killed.
 FLOOD = """

@@ -7,7 +7,7 @@ import time
 
 import numpy as np
 import pytest
-from occ_constraints_pkg.bags.table import Table
+from occ_constraints_pkg.features.table import Table
 
 COLUMNS = ('x', 'y', 'reward', 'terminated', 'truncated', 'episode', 'true_cost')
 SAFE, UNSAFE, BROKEN = (0.8, 0.2), (0.2, 0.8), (np.nan, 0.2)

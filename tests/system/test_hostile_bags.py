@@ -6,8 +6,8 @@ import os
 import subprocess
 import sys
 
-from occ_constraints_pkg.bags.writer import BagWriter
-from occ_constraints_pkg.experiments.processes import environment
+from occ_constraints_pkg.demo.processes import environment
+from occ_constraints_pkg.rosbag.writer import BagWriter
 
 STRING = 'std_msgs/msg/String'
 DATA = b'\0\1\0\0\2\0\0\0a\0'

@@ -5,7 +5,7 @@
 import json
 
 import numpy as np
-from occ_constraints_pkg.bags.table import Table
+from occ_constraints_pkg.features.table import Table
 from occ_constraints_pkg.rules.edits import RuleEdits
 
 SENT = 600

@@ -4,7 +4,7 @@
 
 import numpy as np
 import pytest
-from occ_constraints_pkg.bags.table import Table
+from occ_constraints_pkg.features.table import Table
 from occ_constraints_pkg.rules.constraints_file import load_constraints, parse_constraints
 
 COLUMNS = ('x', 'y', 'reward', 'terminated', 'truncated', 'episode', 'true_cost')

@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
-from occ_constraints_pkg.experiments.processes import environment
+from occ_constraints_pkg.demo.processes import environment
 from occ_constraints_pkg.nodes import NODES
 
 import occ_constraints_pkg
@@ -121,7 +121,7 @@ def test_nodes_end_when_the_program_that_started_them_is_killed(nodes, witness, 
     code = f"""
 import time
 from pathlib import Path
-from occ_constraints_pkg.experiments.processes import nodes_running
+from occ_constraints_pkg.demo.processes import nodes_running
 with nodes_running({{'policy': {{}}}}, Path({str(tmp_path)!r}), {nodes.domain}) as running:
     print(running['policy'].pid, flush=True)
     time.sleep(60.0)
@@ -143,7 +143,7 @@ with nodes_running({{'policy': {{}}}}, Path({str(tmp_path)!r}), {nodes.domain}) 
 
 @pytest.mark.skipif(not Path('/proc/self/task').exists(), reason='needs /proc')
 def test_a_witness_leaves_no_threads_behind(nodes):
-    from occ_constraints_pkg.experiments.witness import Witness
+    from occ_constraints_pkg.demo.observer import Witness
 
     def threads():
         return len(os.listdir('/proc/self/task'))

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mcap.reader import make_reader
-from occ_constraints_pkg.bags.extract import extract
-from occ_constraints_pkg.bags.feature_map import FeatureMap
-from occ_constraints_pkg.bags.recording import Recording
-from occ_constraints_pkg.bags.table import Table
+from occ_constraints_pkg.datasets.extraction import extract
+from occ_constraints_pkg.features.feature_map import FeatureMap
+from occ_constraints_pkg.features.table import Table
+from occ_constraints_pkg.rosbag.recording import Recording
 from occ_constraints_pkg.rules import Verdict
 from occ_constraints_pkg.rules.constraints_file import Constraints
 from rosbags.highlevel import AnyReader
@@ -35,7 +35,7 @@ class Run:
 
 @pytest.fixture(scope='module', params=RUNS)
 def run(request, make_nodes, rules_of, let_go):
-    from occ_constraints_pkg.experiments.witness import Witness
+    from occ_constraints_pkg.demo.observer import Witness
 
     world = request.param
     driver, robots, least = RUNS[world]

@@ -8,10 +8,10 @@ import sys
 from pathlib import Path
 
 import pytest
-from made_bags import write_drive
-from occ_constraints_pkg.bags.writer import BagWriter
 from occ_constraints_pkg.cli import main
-from occ_constraints_pkg.experiments.processes import environment
+from occ_constraints_pkg.demo.processes import environment
+from occ_constraints_pkg.rosbag.writer import BagWriter
+from synthetic_bags import write_drive
 
 import occ_constraints_pkg
 

@@ -4,8 +4,8 @@
 
 import numpy as np
 import pytest
-from occ_constraints_pkg.bags.feature_map import FeatureMap
-from occ_constraints_pkg.bags.table import Table
+from occ_constraints_pkg.features.feature_map import FeatureMap
+from occ_constraints_pkg.features.table import Table
 from occ_constraints_pkg.rules import Literal, Rule, RuleSet, Verdict
 from occ_constraints_pkg.rules.constraints_file import Constraints
 
@@ -87,7 +87,7 @@ class Robot:
 @pytest.fixture(scope='module')
 def shared(make_nodes, rules_of):
     """Return a robot with a monitor that several tests use, one after the other."""
-    from occ_constraints_pkg.experiments.witness import Witness
+    from occ_constraints_pkg.demo.observer import Witness
 
     nodes = make_nodes()
     with Witness(nodes.domain) as witness:

@@ -5,7 +5,7 @@
 import signal
 
 import numpy as np
-from occ_constraints_pkg.bags.table import Table
+from occ_constraints_pkg.features.table import Table
 
 
 def test_monitors_in_two_namespaces_do_not_mix(nodes, witness, rules_of):

@@ -7,8 +7,8 @@ import sys
 from pathlib import Path
 
 import pytest
+from occ_constraints_pkg.demo.processes import environment
 from occ_constraints_pkg.documents import parse_yaml
-from occ_constraints_pkg.experiments.processes import environment
 from occ_constraints_pkg.nodes import NODES
 
 import occ_constraints_pkg

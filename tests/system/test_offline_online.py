@@ -7,15 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_bags import ROVER_MAP, write_rover
-from occ_constraints_pkg.bags.demonstrations import learn_from_files, read_for_rules
-from occ_constraints_pkg.bags.extract import FeatureExtractor, extract, rows_of
-from occ_constraints_pkg.bags.feature_map import FeatureMap
-from occ_constraints_pkg.bags.recording import Recording
-from occ_constraints_pkg.bags.table import Table
+from occ_constraints_pkg.datasets.demonstrations import learn_from_files, read_for_rules
+from occ_constraints_pkg.datasets.extraction import extract, rows_of
 from occ_constraints_pkg.documents import parse_yaml
+from occ_constraints_pkg.features.extractor import FeatureExtractor
+from occ_constraints_pkg.features.feature_map import FeatureMap
+from occ_constraints_pkg.features.table import Table
 from occ_constraints_pkg.learning.settings import OCTreeSettings
+from occ_constraints_pkg.rosbag.recording import Recording
 from occ_constraints_pkg.rules import Verdict
+from synthetic_bags import ROVER_MAP, write_rover
 
 ROBOTS = Path(os.environ.get('OCC_TEST_DATA', Path(__file__).parents[3] / 'shared/data')) / 'robots'
 QUICK = ('bump_neato_zcoakley_fsm',)
@@ -27,7 +28,7 @@ class LockStep:
 
     def __init__(self, nodes, rules, topics):
         from diagnostic_msgs.msg import DiagnosticArray
-        from occ_constraints_pkg.experiments.witness import Witness
+        from occ_constraints_pkg.demo.observer import Witness
         from occ_constraints_pkg.ros.qos import STEPS
         from rosgraph_msgs.msg import Clock
         from sensor_msgs.msg import PointCloud2

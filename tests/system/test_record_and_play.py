@@ -4,8 +4,8 @@
 
 import time
 
-from occ_constraints_pkg.bags.recording import Recording
-from occ_constraints_pkg.bags.writer import BagWriter
+from occ_constraints_pkg.rosbag.recording import Recording
+from occ_constraints_pkg.rosbag.writer import BagWriter
 from rosbags.highlevel import AnyReader
 from ruamel.yaml import YAML
 

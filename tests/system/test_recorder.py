@@ -5,14 +5,14 @@
 import signal
 
 import pytest
-from occ_constraints_pkg.bags.recording import Recording
+from occ_constraints_pkg.rosbag.recording import Recording
 from ruamel.yaml import YAML
 
 
 def test_publishers_that_offer_different_qualities_are_recorded_and_played(
     nodes, witness, make_nodes
 ):
-    from occ_constraints_pkg.experiments.witness import Witness
+    from occ_constraints_pkg.demo.observer import Witness
     from occ_constraints_pkg.ros.qos import LATCHED, SENSORS
     from rclpy.qos import DurabilityPolicy, QoSProfile
     from std_msgs.msg import String
@@ -61,8 +61,9 @@ def texts(bag):
 
 @pytest.mark.parametrize('number', [signal.SIGKILL, signal.SIGINT])
 def test_a_recorder_of_many_topics_loses_next_to_nothing(tmp_path, number):
-    from occ_constraints_pkg.experiments.benchmarks.record import record
-    from occ_constraints_pkg.experiments.processes import private_domain
+    from occ_constraints_pkg.demo.processes import private_domain
+
+    from benchmarks.record import record
 
     # With metadata.yaml written for each new topic, it had fallen seconds behind by then.
     ending = record(tmp_path, private_domain(), number, after=4.0, topics=200, rate=5.0)

@@ -4,7 +4,7 @@
 
 import numpy as np
 import pytest
-from occ_constraints_pkg.bags.table import Table
+from occ_constraints_pkg.features.table import Table
 
 pytest.importorskip('mujoco')
 

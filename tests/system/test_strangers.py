@@ -7,7 +7,7 @@ import signal
 
 import numpy as np
 import pytest
-from occ_constraints_pkg.bags.table import Table
+from occ_constraints_pkg.features.table import Table
 from occ_constraints_pkg.worlds.registry import world_class
 
 ROBOTS = 4

@@ -30,7 +30,7 @@ def counted(lines, words):
 @pytest.fixture
 def speed_rules(tmp_path):
     """Return a file with a rule on the speed of a robot."""
-    from occ_constraints_pkg.bags.feature_map import FeatureMap
+    from occ_constraints_pkg.features.feature_map import FeatureMap
 
     feature_map = FeatureMap.from_document(
         {

@@ -10,8 +10,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from occ_constraints_pkg.agents.policy import GaussianPolicy
-from occ_constraints_pkg.bags.table import Table
 from occ_constraints_pkg.cli import main
+from occ_constraints_pkg.features.table import Table
 from occ_constraints_pkg.rules import FeatureSpace
 from occ_constraints_pkg.rules.constraints_file import load_constraints
 from occ_constraints_pkg.worlds.registry import world_class
@@ -23,7 +23,7 @@ def test_training_goes_on_when_a_monitor_sleeps_and_when_the_simulation_starts_a
     nodes, witness, rules_of
 ):
     pytest.importorskip('torch', reason="needs the extra 'train'")
-    from occ_constraints_pkg.experiments.witness import ALL, Witness
+    from occ_constraints_pkg.demo.observer import ALL, Witness
     from occ_constraints_pkg.ros.messages import to_nanoseconds
     from sensor_msgs.msg import PointCloud2
 
@@ -198,7 +198,7 @@ def words_of_refusal(make_nodes, rules_of):
     The training's directory is ``output`` of the function, and is there before.
     """
     pytest.importorskip('torch', reason="needs the extra 'train'")
-    from occ_constraints_pkg.experiments.witness import Witness
+    from occ_constraints_pkg.demo.observer import Witness
 
     nodes = make_nodes()
     output, rules = nodes.folder / 'training', nodes.folder / 'rules.yaml'

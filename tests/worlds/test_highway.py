@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
 import pytest
-from occ_constraints_pkg.bags.feature_map import load_feature_map
+from occ_constraints_pkg.features.feature_map import load_feature_map
 from occ_constraints_pkg.worlds.highway import Highway, RestrictedHighway
 from occ_constraints_pkg.worlds.highway_demonstrations import traffic_drives
 from occ_constraints_pkg.worlds.highway_features import FAR, NAMES, features

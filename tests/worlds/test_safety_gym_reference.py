@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 
 pytest.importorskip('mujoco')
-from occ_constraints_pkg.experiments.reference_traces import (  # noqa: E402
+from occ_constraints_pkg.worlds.registry import world_class  # noqa: E402
+
+from experiments.reference_traces import (  # noqa: E402
     TASKS,
     ReferenceGoals,
     free_run,
@@ -21,7 +23,6 @@ from occ_constraints_pkg.experiments.reference_traces import (  # noqa: E402
     reference_step,
     single_steps,
 )
-from occ_constraints_pkg.worlds.registry import world_class  # noqa: E402
 
 _DATA = Path(os.environ.get('OCC_TEST_DATA', Path(__file__).parents[3] / 'shared' / 'data'))
 _FOLDER = _DATA / 'safety_gym_traces'

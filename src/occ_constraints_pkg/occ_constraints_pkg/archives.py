@@ -16,7 +16,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import DataError, OccError
 from occ_constraints_pkg.files import open_regular
 
 FAULTS = (
@@ -68,9 +68,9 @@ def read_arrays(
                 allowed = max(_PLENTY_BYTES, _MOST_RATIO * size) if limit is None else limit
                 return _arrays(archive, is_wanted, allowed, path)
         except OSError as error:
-            raise OccError(f'cannot read {path}: {error.strerror or error}') from error
+            raise DataError(f'cannot read {path}: {error.strerror or error}') from error
         except FAULTS as error:
-            raise OccError(
+            raise DataError(
                 f'{path} is {fault} ({describe(error)}); allowed is '
                 'what numpy.savez writes of arrays of numbers and text'
             ) from error
@@ -133,7 +133,7 @@ def _arrays(
 
 
 def _too_large(path: str | Path, name: str, size: int, allowed: int) -> OccError:
-    return OccError(
+    return DataError(
         f'{path}: with {name!r} its arrays would take {size / 1e6:.0f} MB; allowed for a file of '
         f'this kind and size are {allowed / 1e6:.0f} MB'
     )

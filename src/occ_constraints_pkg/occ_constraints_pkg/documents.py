@@ -28,7 +28,7 @@ from ruamel.yaml.events import (
 from ruamel.yaml.parser import Parser
 from ruamel.yaml.representer import SafeRepresenter
 
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.files import DOCUMENT_BYTES, read_bytes
 
 # Three for each split of the deepest tree, and some more.
@@ -50,7 +50,7 @@ def read_text(path: str | Path, limit: int = DOCUMENT_BYTES) -> str:
     try:
         text = read_bytes(path, limit).decode('utf-8')
     except UnicodeDecodeError as error:
-        raise OccError(f'cannot read {path}: it is not UTF-8 text') from error
+        raise ConfigurationError(f'cannot read {path}: it is not UTF-8 text') from error
     return text.replace('\r\n', '\n').replace('\r', '\n')
 
 
@@ -69,7 +69,7 @@ def read_json_object(path: str | Path) -> dict[str, Any]:
         problem = 'it is nested too deeply'
     except ValueError as error:
         problem = str(error)
-    raise OccError(f'cannot read {path}: {problem}; allowed is a JSON object')
+    raise ConfigurationError(f'cannot read {path}: {problem}; allowed is a JSON object')
 
 
 def parse_document(text: str, schema: Mapping[str, Any], where: str) -> Any:
@@ -95,16 +95,16 @@ def parse_yaml(text: str, where: str) -> Any:
     try:
         return _yaml().load(text)
     except _RefusedError as error:
-        raise OccError(f'{where}, line {error.line}: {error}') from error
+        raise ConfigurationError(f'{where}, line {error.line}: {error}') from error
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = '' if mark is None else f', line {mark.line + 1}'
         problem = ' '.join((error.problem or error.context or 'unreadable').split())
-        raise OccError(f'{where}{line} is not valid YAML: {problem}') from error
+        raise ConfigurationError(f'{where}{line} is not valid YAML: {problem}') from error
     # The constructors of the YAML library fail in several ways, as on a list for a key.
     except (YAMLError, ValueError, TypeError, AttributeError, LookupError, RecursionError) as error:
         problem = str(error).strip().partition('\n')[0] or type(error).__name__
-        raise OccError(f'{where} is not valid YAML: {problem}') from error
+        raise ConfigurationError(f'{where} is not valid YAML: {problem}') from error
 
 
 def validate(
@@ -129,7 +129,7 @@ def validate(
         unknown = [error for error in errors if error.validator == 'additionalProperties']
         error = unknown[0] if unknown else best_match(errors)
     except RecursionError as deep:
-        raise OccError(
+        raise ConfigurationError(
             f'{where} is nested too deeply; allowed are a hundred levels at most'
         ) from deep
     path = list(error.absolute_path)
@@ -138,7 +138,7 @@ def validate(
         path.append(_unknown_keys(error)[0])
     line = None if text is None else _line(text, path)
     place = where if line is None else f'{where}, line {line}'
-    raise OccError(f'{place}: {key_path(path)}{sentence}')
+    raise ConfigurationError(f'{place}: {key_path(path)}{sentence}')
 
 
 def key_path(path: Iterable[str | int]) -> str:

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""The one exception for mistakes that a user can mend."""
+"""Exceptions for mistakes that a user can mend, with types that a program can act on."""
 
 from importlib import import_module
 from typing import Any
@@ -34,6 +34,22 @@ class OccError(Exception):
         return printable(super().__str__())
 
 
+class ConfigurationError(OccError, ValueError):
+    """A setting, option, parameter, feature map or constraints file is not allowed as it is."""
+
+
+class DataError(OccError, ValueError):
+    """A recording, table or file of results cannot be read, or lacks what is asked of it."""
+
+
+class InputError(OccError, ValueError):
+    """A message or a topic brought what cannot be used while a node runs."""
+
+
+class MissingDependencyError(OccError, ImportError):
+    """A package is needed that is not installed; the sentence says how to install it."""
+
+
 def import_needed(what: str, module: str) -> Any:
     """Import a module of ours that needs an extra, or a module that comes with one.
 
@@ -42,7 +58,8 @@ def import_needed(what: str, module: str) -> Any:
         module: its full name.
 
     Raises:
-        OccError: something it imports is not installed; the sentence names the extra with it.
+        MissingDependencyError: something it imports is not installed; the sentence names the
+            extra that brings it.
     """
     try:
         return import_module(module)
@@ -53,7 +70,7 @@ def import_needed(what: str, module: str) -> Any:
         raise told from error
 
 
-def missing_extra(what: str, error: ImportError) -> OccError | None:
+def missing_extra(what: str, error: ImportError) -> MissingDependencyError | None:
     """Return the sentence that names the extra a missing module comes with; None if none has it.
 
     Args:
@@ -66,7 +83,7 @@ def missing_extra(what: str, error: ImportError) -> OccError | None:
     if not (extra and isinstance(error, ModuleNotFoundError)):
         return None
     hint = ', or source the ROS 2 setup file' if extra == 'ros' else ''
-    return OccError(
+    return MissingDependencyError(
         f'{what} needs the module {missing!r}, which is not installed: '
         f"pip install 'occ_constraints_pkg[{extra}]'{hint}"
     )

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import errno
 import fcntl
+import hashlib
 import itertools
 import os
 import re
@@ -365,3 +366,12 @@ def _free_name(path: Path) -> Path:
     """Return the first of ``NAME.1``, ``NAME.2`` ... that is free."""
     names = (path.with_name(f'{path.name}.{number}') for number in itertools.count(1))
     return next(name for name in names if not os.path.lexists(name))
+
+
+def sha256_of(files: Iterable[Path]) -> str:
+    """Return the SHA-256 over the contents of files, one after the other, in hex."""
+    digest = hashlib.sha256()
+    for file in files:
+        with file.open('rb') as stream:
+            hashlib.file_digest(stream, lambda: digest)
+    return digest.hexdigest()

@@ -17,7 +17,7 @@ import numpy as np
 import torch
 
 from occ_constraints_pkg.archives import FAULTS, describe, read_member
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import DataError
 from occ_constraints_pkg.files import ARCHIVE, read_bytes, replacing
 
 _FORMAT = 'occ_constraints checkpoint 2'
@@ -67,11 +67,11 @@ def read_checkpoint(path: Path | str) -> dict[str, Any]:
         _check_content(content)
         state = torch.load(io.BytesIO(content), map_location='cpu', weights_only=True)
     except (*FAULTS, pickle.UnpicklingError, AssertionError, RecursionError) as err:
-        raise OccError(
+        raise DataError(
             f'{path} is damaged or not a checkpoint ({describe(err)}); allowed is {_FORMAT!r}'
         ) from err
     if not isinstance(state, dict) or state.get('format') != _FORMAT:
-        raise OccError(f'{path} is not a checkpoint: allowed is {_FORMAT!r}')
+        raise DataError(f'{path} is not a checkpoint: allowed is {_FORMAT!r}')
     return state
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from occ_constraints_pkg.agents.policy import GaussianPolicy
 from occ_constraints_pkg.agents.scripted import DRIVERS, Driver, make_driver
 from occ_constraints_pkg.documents import did_you_mean
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.worlds.base import World
 from occ_constraints_pkg.worlds.registry import check_world
 
@@ -29,7 +29,7 @@ def check_name(name: str) -> None:
     """
     names = sorted({'expert'}.union(*DRIVERS.values()))
     if not name.endswith('.npz') and name not in names:
-        raise OccError(
+        raise ConfigurationError(
             f'there is no driver {name!r}{did_you_mean(name, names) or ";"} allowed are '
             f'{", ".join(names)}, as far as the world has them, and a policy file (.npz)'
         )
@@ -75,7 +75,7 @@ def check_driver(world: str, name: str) -> None:
         names.append('expert')
     if not (name.endswith('.npz') or name in names):
         hint = did_you_mean(name, names) or ';'
-        raise OccError(
+        raise ConfigurationError(
             f'world {world} has no driver {name!r}{hint} allowed are {", ".join(names)} and a '
             'policy file (.npz)'
         )

@@ -13,7 +13,7 @@ from scipy.special import stdtrit
 from occ_constraints_pkg.agents.drivers import check_driver, find_driver
 from occ_constraints_pkg.agents.rule_cost import RuleCost
 from occ_constraints_pkg.agents.training import CostSource, TrueCost
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.rules.constraints_file import Constraints
 from occ_constraints_pkg.worlds.base import World
 from occ_constraints_pkg.worlds.registry import make_world
@@ -88,7 +88,7 @@ def evaluate(
         OccError: ``episodes`` is below 1.
     """
     if episodes < 1:
-        raise OccError(f'evaluation got episodes = {episodes}; allowed is 1 or more')
+        raise ConfigurationError(f'evaluation got episodes = {episodes}; allowed is 1 or more')
     cost_source = cost_source or TrueCost()
     n = world.num_envs
     robot = np.arange(n)

@@ -19,7 +19,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 
 from occ_constraints_pkg.agents.rule_cost import RuleCost
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.files import GIF, PICTURE, Kind, replacing
 from occ_constraints_pkg.rules.constraints_file import Constraints
 from occ_constraints_pkg.worlds.highway import Highway
@@ -109,7 +109,7 @@ def kind_of(path: Path) -> Kind:
     """
     kinds = {'.png': PICTURE, '.gif': GIF}
     if path.suffix.lower() not in kinds:
-        raise OccError(f'cannot write {path}: allowed are .png and .gif')
+        raise ConfigurationError(f'cannot write {path}: allowed are .png and .gif')
     return kinds[path.suffix.lower()]
 
 

@@ -13,7 +13,7 @@ from torch import nn
 
 from occ_constraints_pkg.agents.networks import divergence, log_probability
 from occ_constraints_pkg.agents.settings import PPOLagrangianConfig
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError
 
 
 class TrainingData(NamedTuple):
@@ -88,7 +88,7 @@ def improve(
         passes += 1
         moved = bool(sums[0] > config.target_kl)
     if not all(weights.isfinite().all() for weights in networks.parameters()):
-        raise OccError(
+        raise ConfigurationError(
             'training has diverged: weights of the networks are no longer finite; allowed are '
             f'smaller step sizes than actor_lr {config.actor_lr:g} and critic_lr '
             f'{config.critic_lr:g}, or rewards and costs of a smaller size'

@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError
 
 
 def torch_device(name: str) -> torch.device:
@@ -25,7 +25,7 @@ def torch_device(name: str) -> torch.device:
     """
     if name not in ('cpu', 'cuda') or (name == 'cuda' and not torch.cuda.is_available()):
         here = 'cpu, cuda' if torch.cuda.is_available() else 'cpu'
-        raise OccError(f'learner setting device is {name!r}; this machine has {here}')
+        raise ConfigurationError(f'learner setting device is {name!r}; this machine has {here}')
     return torch.device(name)
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from occ_constraints_pkg.archives import read_arrays
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import DataError, OccError
 from occ_constraints_pkg.files import ARCHIVE, replacing
 from occ_constraints_pkg.worlds.base import Column
 
@@ -79,7 +79,7 @@ class GaussianPolicy:
             'log_std': (self.log_std, (a,)),
         }
         if not self.weights or len(self.weights) != len(self.biases) or widths[-1] != a:
-            raise OccError(
+            raise DataError(
                 f'a policy with {len(self.weights)} weight and {len(self.biases)} bias arrays '
                 f'ending in {widths[-1]} outputs was given; allowed is one bias per weight, at '
                 f'least one, and {a} outputs for the action columns'
@@ -89,12 +89,12 @@ class GaussianPolicy:
             wanted[f'bias_{layer}'] = (bias, (widths[layer + 1],))
         for name, (array, shape) in wanted.items():
             if array.shape != shape or array.dtype != np.float32 or not np.isfinite(array).all():
-                raise OccError(
+                raise DataError(
                     f'policy field {name} has shape {array.shape} and type {array.dtype}; allowed '
                     f'is {shape} float32, all finite'
                 )
         if not (self.observation_variance > 0).all() or not self.observation_clip > 0:
-            raise OccError(
+            raise DataError(
                 'policy field observation_variance or observation_clip is not above zero everywhere'
             )
 
@@ -121,7 +121,7 @@ class GaussianPolicy:
         """
         x = np.asarray(observation, dtype=np.float32)
         if x.ndim != 2 or x.shape[1] != len(self.columns) or not np.isfinite(x).all():
-            raise OccError(
+            raise DataError(
                 f'the policy got an observation of shape {x.shape}; allowed is '
                 f'(robots, {len(self.columns)}), all finite'
             )
@@ -162,7 +162,7 @@ class GaussianPolicy:
                 min(len(own), len(given)),
             )
             here = [repr(names[at]) if at < len(names) else 'nothing' for names in (own, given)]
-            raise OccError(
+            raise DataError(
                 f'the policy was trained in {self.world!r} with {len(own)} {kind} columns and '
                 f'cannot act on these {len(given)}: column {at} is {here[1]} where the policy '
                 f'has {here[0]}'
@@ -206,7 +206,7 @@ class GaussianPolicy:
             fault='not a policy file, or damaged',
         )
         if str(fields.get('format')) != _FORMAT:
-            raise OccError(
+            raise DataError(
                 f'{path} is not a policy file: its field "format" is '
                 f'{str(fields.get("format"))!r}; allowed is {_FORMAT!r}'
             )
@@ -224,6 +224,6 @@ class GaussianPolicy:
                 log_std=fields['log_std'],
             )
         except KeyError as err:
-            raise OccError(f'policy file {path} lacks the field {err.args[0]!r}') from err
+            raise DataError(f'policy file {path} lacks the field {err.args[0]!r}') from err
         except (OccError, TypeError, ValueError) as err:
-            raise OccError(f'policy file {path} is damaged: {err}') from err
+            raise DataError(f'policy file {path} is damaged: {err}') from err

@@ -39,7 +39,7 @@ from occ_constraints_pkg.agents.rollout import (
 )
 from occ_constraints_pkg.agents.settings import PPOLagrangianConfig, TrainingMetrics
 from occ_constraints_pkg.archives import describe
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError, OccError
 from occ_constraints_pkg.worlds.base import Column
 from occ_constraints_pkg.worlds.stream import StepBatch
 
@@ -419,7 +419,7 @@ def _check_sizes(hidden: Sequence[int], state: dict[str, Any]) -> None:
 
 
 def _damaged(path: Path | str, error: Exception) -> OccError:
-    return OccError(
+    return ConfigurationError(
         f'checkpoint {path} is damaged ({type(error).__name__}: {describe(error)}); allowed is '
         'what a training has saved'
     )

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import DataError
 from occ_constraints_pkg.worlds.stream import StepBatch
 
 
@@ -32,18 +32,18 @@ def checked_cost(
     shape = batch.observation.shape
     robots = shape[0] if robots is None else robots
     if shape != (robots, columns):
-        raise OccError(
+        raise DataError(
             f'the learner got an observation of shape {shape}; allowed is ({robots}, {columns})'
         )
     for name, values in (('cost', cost), ('reward', batch.reward)):
         if values.shape != (robots,) or not np.isfinite(values).all():
-            raise OccError(
+            raise DataError(
                 f'the learner got a {name} of shape {values.shape} with '
                 f'{np.count_nonzero(~np.isfinite(values))} values missing or infinite; '
                 f'allowed is ({robots},), all finite'
             )
     if not np.isfinite(batch.observation).all():
-        raise OccError('the learner got an observation that is not finite; allowed is finite')
+        raise DataError('the learner got an observation that is not finite; allowed is finite')
     return cost
 
 

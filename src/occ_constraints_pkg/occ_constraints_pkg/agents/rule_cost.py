@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.features.feature_map import FeatureMap
-from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.rules.constraints_file import Constraints
 from occ_constraints_pkg.rules.ruleset import RuleCounts
 from occ_constraints_pkg.worlds.base import World
@@ -31,12 +31,14 @@ class RuleCost:
 
     def __init__(self, constraints: Constraints, world: World | type[World]) -> None:
         if constraints.feature_map is None:
-            raise OccError('the constraints have no feature_map, so their features are unknown')
+            raise ConfigurationError(
+                'the constraints have no feature_map, so their features are unknown'
+            )
         feature_map = FeatureMap.from_document(constraints.feature_map, 'the constraints')
         names = [column.name for column in world.columns]
         for source in feature_map.features:
             if source.column not in names or not source.is_plain_column:
-                raise OccError(
+                raise ConfigurationError(
                     f'feature {source.name!r} is no column of the observation of {world.name}; '
                     f'its columns are {", ".join(names)}'
                 )

@@ -16,7 +16,7 @@ from occ_constraints_pkg.agents.settings import (
     learner_settings,
 )
 from occ_constraints_pkg.agents.training import CostSource, TrainingDirectory, TrueCost, train
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.rules.constraints_file import Constraints, load_constraints
 from occ_constraints_pkg.worlds.registry import make_world, world_class
 
@@ -83,13 +83,13 @@ def cost_limit(given: float | str, constraints: Constraints | None) -> float:
     if given != DEMONSTRATIONS:
         return float(given)
     if constraints is None:
-        raise OccError(
+        raise ConfigurationError(
             f'the cost limit is {given!r}, but no rules were learned from demonstrations here; '
             'allowed is a number, or a constraints file as cost'
         )
     limit = constraints.coverage.get('cost_per_episode')
     if limit is None:
-        raise OccError(
+        raise ConfigurationError(
             f'the cost limit is {given!r}, but the constraints file has no '
             'coverage.cost_per_episode; allowed is a number, or a file written by occ learn'
         )
@@ -188,7 +188,7 @@ def _config(settings: RunSettings, constraints: Constraints | None) -> PPOLagran
     }
     for name in settings.learner:
         if name in chosen:
-            raise OccError(
+            raise ConfigurationError(
                 f'learner setting {name} is not set by itself here: it follows from the cost, cost '
                 'limit, steps or device of the training; allowed is to give that'
             )

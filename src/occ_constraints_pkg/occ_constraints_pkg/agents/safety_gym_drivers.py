@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError
 
 _BINS = 16
 _BIN = 2 * np.pi / _BINS
@@ -43,7 +43,7 @@ class Senses:
         width = _SENSORS[robot] + _BINS * len(_LIDARS[task])
         values = np.asarray(observation, dtype=np.float64)
         if values.ndim != 2 or values.shape[1] != width:
-            raise OccError(
+            raise ConfigurationError(
                 f'a driver for {world} was given an observation of shape {values.shape}; '
                 f'allowed is (N, {width})'
             )

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 
 from occ_constraints_pkg.agents.safety_gym_drivers import avoider, straight_car, straight_point
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError
 
 Driver = Callable[[np.ndarray], np.ndarray]
 """Takes an observation (N, k) and returns an action (N, a) within [-1, 1]."""
@@ -34,11 +34,11 @@ def make_driver(world: str, name: str, rng: np.random.Generator) -> Driver:
         OccError: there is no such world, or no such driver in it.
     """
     if world not in DRIVERS:
-        raise OccError(
+        raise ConfigurationError(
             f'there are no scripted drivers for world {world!r}; allowed are {", ".join(DRIVERS)}'
         )
     if name not in DRIVERS[world]:
-        raise OccError(
+        raise ConfigurationError(
             f'world {world} has no scripted driver {name!r}; '
             f'allowed are {", ".join(DRIVERS[world])}'
         )
@@ -134,7 +134,7 @@ def _toward(goal: np.ndarray, position: np.ndarray) -> np.ndarray:
 def _checked(observation: np.ndarray, columns: int, world: str) -> np.ndarray:
     values = np.asarray(observation, dtype=np.float64)
     if values.ndim != 2 or values.shape[1] != columns:
-        raise OccError(
+        raise ConfigurationError(
             f'a driver for {world} was given an observation of shape {values.shape}; '
             f'allowed is (N, {columns})'
         )

@@ -14,7 +14,7 @@ from typing import Any
 
 from occ_constraints_pkg.agents.evaluation import over_policies
 from occ_constraints_pkg.agents.training import read_metrics
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.files import make_directory
 from occ_constraints_pkg.stopping import PARENT_VARIABLE, stop_request
 
@@ -46,7 +46,7 @@ def train_seeds(
     make_directory(output)
     found = sorted(item.name for item in output.iterdir())
     if found and not any(name.startswith('seed_') for name in found):
-        raise OccError(
+        raise ConfigurationError(
             f'{output} is not empty and holds no trainings (there is {found[0]!r}); allowed is a '
             'new directory, an empty one, or that of earlier seeds'
         )
@@ -65,7 +65,7 @@ def train_seeds(
                         continue
                     del running[seed]
                     if process.returncode:
-                        raise OccError(f'seed {seed}: {_last_words(directories[seed])}')
+                        raise ConfigurationError(f'seed {seed}: {_last_words(directories[seed])}')
                 progress(_latest(directories))
                 time.sleep(_LOOK_SECONDS)
     finally:

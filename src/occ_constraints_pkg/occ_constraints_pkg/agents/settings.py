@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from occ_constraints_pkg.documents import did_you_mean
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError
 
 # More than this many make torch crash rather than refuse.
 _MOST_THREADS = 1024
@@ -125,14 +125,14 @@ class PPOLagrangianConfig:
         """
         least = self.rollout_steps * robots
         if steps < least:
-            raise OccError(
+            raise ConfigurationError(
                 f'{name} is {steps}, which ends a training before its first update; allowed is '
                 f'{least} or more: rollout_steps {self.rollout_steps} x robots {robots}'
             )
 
     def _require(self, name: str, holds: bool, allowed: str) -> None:
         if not holds:
-            raise OccError(
+            raise ConfigurationError(
                 f'learner setting {name} is {getattr(self, name)!r}; allowed is {allowed}'
             )
 
@@ -152,7 +152,7 @@ def learner_settings(values: Mapping[str, Any]) -> PPOLagrangianConfig:
     for name, value in values.items():
         if name not in allowed:
             hint = did_you_mean(name, allowed) or ';'
-            raise OccError(
+            raise ConfigurationError(
                 f'there is no learner setting {name!r}{hint} there are {", ".join(allowed)}'
             )
         default = allowed[name]
@@ -161,7 +161,7 @@ def learner_settings(values: Mapping[str, Any]) -> PPOLagrangianConfig:
         if isinstance(default, tuple) and isinstance(value, list):
             value = tuple(value)
         if type(value) is not type(default):
-            raise OccError(
+            raise ConfigurationError(
                 f'learner setting {name} is {value!r}; allowed is something like {default!r}'
             )
         changed[name] = value

@@ -15,7 +15,7 @@ import numpy as np
 
 from occ_constraints_pkg.agents.rule_cost import RuleCost
 from occ_constraints_pkg.archives import describe
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.files import (
     ARCHIVE,
     CONSTRAINTS,
@@ -94,7 +94,9 @@ def train(
         OccError: no end was given, or the learner belongs to another world.
     """
     if total_steps is None and seconds is None:
-        raise OccError('training has no end: got neither total_steps nor seconds; give one')
+        raise ConfigurationError(
+            'training has no end: got neither total_steps nor seconds; give one'
+        )
     learner.policy().check_world(world.columns, world.action_columns)
     stream = EpisodeStream(world, seed=seed)
     if resumed is None:
@@ -107,7 +109,7 @@ def train(
                 cost_source.counts.evaluated[:] = resumed['counts']['evaluated']
                 cost_source.counts.violated[:] = resumed['counts']['violated']
         except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
-            raise OccError(
+            raise ConfigurationError(
                 f'the checkpoint is damaged: what it says of the world cannot be used '
                 f'({type(error).__name__}: {describe(error)}); allowed is what a training has saved'
             ) from error
@@ -181,7 +183,7 @@ class TrainingDirectory:
         """
         found = sorted(item.name for item in self.path.iterdir())
         if found and self._METRICS not in found:
-            raise OccError(
+            raise ConfigurationError(
                 f'{self.path} is not empty and holds no training (there is {found[0]!r}); allowed '
                 'is a new directory, an empty one, or that of an earlier training'
             )
@@ -208,7 +210,7 @@ class TrainingDirectory:
             OccError: the learner belongs to another world, which may well have the same columns.
         """
         if learner.world_name != world:
-            raise OccError(
+            raise ConfigurationError(
                 f'the training in {self.path} is one of {learner.world_name}, and '
                 f'the simulation is {world}; allowed is that of the training'
             )
@@ -245,13 +247,13 @@ class TrainingDirectory:
         learner, companions = PPOLagrangian.load_all(self.path / self._CHECKPOINT, **changes)
         settings = companions.get('settings') if isinstance(companions, dict) else None
         if not isinstance(settings, dict):
-            raise OccError(
+            raise ConfigurationError(
                 f'{self.path / self._CHECKPOINT} is damaged: it tells no settings; allowed is what '
                 'a training has saved'
             )
         for name, value in settings.items():
             if name in self._settings and self._settings[name] != value:
-                raise OccError(
+                raise ConfigurationError(
                     f'the training in {self.path} has {name} {value!r}; it cannot be resumed with '
                     f'{self._settings[name]!r}'
                 )
@@ -283,7 +285,7 @@ class TrainingDirectory:
             with log.open('a', encoding='utf-8') as file:
                 file.write(json.dumps(line) + '\n')
         except OSError as error:
-            raise OccError(f'cannot write {log}: {error.strerror}') from error
+            raise ConfigurationError(f'cannot write {log}: {error.strerror}') from error
 
     @property
     def is_due(self) -> bool:
@@ -341,7 +343,7 @@ def read_metrics(path: Path) -> list[dict[str, Any]]:
         except (ValueError, RecursionError):
             line = None
         if not (isinstance(line, dict) and type(line.get('updates')) is int):
-            raise OccError(
+            raise ConfigurationError(
                 f'{path} is damaged: allowed is one JSON object for each update, with the number '
                 f'"updates", but line {number} is {_shortened(text)}'
             )

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from occ_constraints_pkg.checking.timeline import BRIDGE_SECONDS, Timeline
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import DataError
 from occ_constraints_pkg.rules.forecast import (
     HORIZON_SECONDS,
     WINDOW_SECONDS,
@@ -100,7 +100,7 @@ def warning_record(
         OccError: the data know no time.
     """
     if timeline.unit != 's':
-        raise OccError('tables of files know no time, so nothing can be foreseen in them')
+        raise DataError('tables of files know no time, so nothing can be foreseen in them')
     data, judgement = timeline.data, timeline.judgement
     onsets: list[Onset] = []
     counts = [0, 0]

@@ -18,12 +18,12 @@ from occ_constraints_pkg.cli.drive import drive
 from occ_constraints_pkg.cli.experiments import experiment
 from occ_constraints_pkg.cli.export import export
 from occ_constraints_pkg.cli.features import features
-from occ_constraints_pkg.cli.traffic import import_
 from occ_constraints_pkg.cli.learning import learn
 from occ_constraints_pkg.cli.nodes import node, play, record
 from occ_constraints_pkg.cli.rules import check, prune, score, show, simplify
+from occ_constraints_pkg.cli.traffic import import_
 from occ_constraints_pkg.cli.training import evaluate, train
-from occ_constraints_pkg.errors import OccError, missing_extra
+from occ_constraints_pkg.errors import ConfigurationError, missing_extra
 
 
 def run_command(argv: Sequence[str] | None = None) -> int:
@@ -56,7 +56,7 @@ def _stopped() -> int:
 def _sentence(error: Exception) -> str | None:
     """Return what to say of an error; None where it is a mistake of this program."""
     match error:
-        case OccError():
+        case ConfigurationError():
             return str(error)
         case click.ClickException():
             context = getattr(error, 'ctx', None)

@@ -15,7 +15,7 @@ from typing import Any, TextIO
 
 import click
 
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.terminal import printable
 
 FEATURE_MAP_HELP = 'Feature map: a YAML file, or a built-in name such as PointGoal1.'
@@ -64,7 +64,7 @@ def read_data(paths: tuple[str, ...], constraints: Any, where: str, *, max_lag: 
 def needed_cost(data: Any, paths: tuple[str, ...]) -> Any:
     """Return the true cost of data that is to be scored on it."""
     if data.true_cost is None:
-        raise OccError(
+        raise ConfigurationError(
             f'{", ".join(paths)}: no true cost to score on; needed is a column true_cost in the '
             'pace topic of a recording, or cost or true_cost in a table'
         )
@@ -95,7 +95,9 @@ def say_lines(text: str, *, nl: bool = True) -> None:
         discard(sys.stdout)
     except OSError as error:
         discard(sys.stdout)
-        raise OccError(f'cannot write to the standard output: {error.strerror}') from error
+        raise ConfigurationError(
+            f'cannot write to the standard output: {error.strerror}'
+        ) from error
 
 
 def tell(sentence: str) -> None:

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import click
 
+from benchmarks import BENCHMARKS
 from occ_constraints_pkg.cli.common import JSON, Seconds, end_tidily, print_json, say
 from occ_constraints_pkg.errors import import_needed
-from benchmarks import BENCHMARKS
 
 
 @click.command()
@@ -44,9 +44,7 @@ def bench(name: str, seconds: float | None, as_json: bool) -> None:
     \b
     Example: occ bench loop --json
     """
-    module = import_needed(
-        f'occ bench {name}', f'benchmarks.{name}'
-    )
+    module = import_needed(f'occ bench {name}', f'benchmarks.{name}')
     end_tidily()
     result = module.run() if seconds is None else module.run(seconds)
     if as_json:

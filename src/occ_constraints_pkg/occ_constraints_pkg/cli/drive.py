@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from occ_constraints_pkg.cli.common import JSON, print_json, progress_bar, say
-from occ_constraints_pkg.errors import OccError, import_needed
+from occ_constraints_pkg.errors import ConfigurationError, import_needed
 from occ_constraints_pkg.files import check_outputs
 
 
@@ -66,9 +66,11 @@ def drive(
     check_driver(world, driver)
     on_highway = world.startswith('highway')
     if on_highway and steps is not None:
-        raise OccError(f'--steps is not for world {world}; allowed is a whole episode')
+        raise ConfigurationError(f'--steps is not for world {world}; allowed is a whole episode')
     if constraints is not None and not on_highway:
-        raise OccError(f'--constraints is not for world {world}; allowed are the highways')
+        raise ConfigurationError(
+            f'--constraints is not for world {world}; allowed are the highways'
+        )
     if on_highway:
         numbers = _drive_highway(world, driver, Path(output), seed, constraints)
         _tell(output, numbers, as_json)
@@ -104,7 +106,7 @@ def _drive_highway(
     check_outputs({output: film.kind_of(output)}, [driver, *([constraints] if constraints else [])])
     kind = world_class(world)
     if number >= kind.scenarios:
-        raise OccError(
+        raise ConfigurationError(
             f'world {world} has no scenario {number}; allowed are 0 to {kind.scenarios - 1}'
         )
     rules = None if constraints is None else load_constraints(constraints)

@@ -17,7 +17,7 @@ from occ_constraints_pkg.cli.common import (
     say_lines,
     warn,
 )
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.files import FEATURE_MAP, write_text
 from occ_constraints_pkg.wording import count_of
 
@@ -51,7 +51,9 @@ def suggest(bag: str, output: str | None, as_json: bool) -> None:
     from occ_constraints_pkg.suggestion.text import suggestion_text, yield_document
 
     if output and Path(output).exists():
-        raise OccError(f'{output} exists already; allowed is a new file, for maps are edited')
+        raise ConfigurationError(
+            f'{output} exists already; allowed is a new file, for maps are edited'
+        )
     with progress_bar('reading') as progress:
         suggestion = suggest_map(Recording(bag), progress=progress)
     for sentence in suggestion.warnings:

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import click
 
-from occ_constraints_pkg.features.lateness import MAX_LAG_SECONDS
 from occ_constraints_pkg.checking.timeline import BRIDGE_SECONDS, TIMEOUT_SECONDS, make_timeline
 from occ_constraints_pkg.cli.common import (
     DATA,
@@ -24,12 +23,13 @@ from occ_constraints_pkg.cli.common import (
     say_lines,
     warn,
 )
-from occ_constraints_pkg.errors import OccError, import_needed
+from occ_constraints_pkg.errors import ConfigurationError, import_needed
+from occ_constraints_pkg.features.lateness import MAX_LAG_SECONDS
 from occ_constraints_pkg.files import CONSTRAINTS, PICTURE, check_outputs
 from occ_constraints_pkg.learning.evidence_text import describe_why, why_document
 from occ_constraints_pkg.learning.rules_text import describe_promise, describe_rules
-from occ_constraints_pkg.traffic.rules_text import rule_rows, rules_table
 from occ_constraints_pkg.rules.forecast import WINDOW_SECONDS
+from occ_constraints_pkg.traffic.rules_text import rule_rows, rules_table
 from occ_constraints_pkg.wording import count_of
 
 
@@ -47,7 +47,7 @@ def show(constraints: str, why: str | None, traffic: bool, as_json: bool) -> Non
              occ show --traffic us101.yaml
     """
     if why is not None and traffic:
-        raise OccError('got both --why and --traffic; allowed is one of them')
+        raise ConfigurationError('got both --why and --traffic; allowed is one of them')
     from occ_constraints_pkg.rules.constraints_file import load_constraints
     from occ_constraints_pkg.rules.listing import rules_document
 
@@ -152,8 +152,8 @@ def check(
     import numpy as np
 
     from occ_constraints_pkg.checking.early_warning import warning_record
-    from occ_constraints_pkg.checking.timeline_text import describe_timeline, timeline_document
     from occ_constraints_pkg.checking.early_warning_text import describe_warnings, warnings_document
+    from occ_constraints_pkg.checking.timeline_text import describe_timeline, timeline_document
     from occ_constraints_pkg.rules import Judgement, RuleCounts, Verdict
     from occ_constraints_pkg.rules.constraints_file import load_constraints, save_derived
 
@@ -161,7 +161,9 @@ def check(
         [(path, kind) for path, kind in ((counted, CONSTRAINTS), (plot, PICTURE)) if path],
         [constraints, *paths],
     )
-    draw = plot and import_needed('occ check --plot', 'occ_constraints_pkg.checking.timeline_picture')
+    draw = plot and import_needed(
+        'occ check --plot', 'occ_constraints_pkg.checking.timeline_picture'
+    )
     loaded = load_constraints(constraints)
     data = read_data(paths, loaded, constraints, max_lag=max_lag)
     rule_set = loaded.rule_set

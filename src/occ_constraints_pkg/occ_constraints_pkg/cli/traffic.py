@@ -8,8 +8,8 @@ from dataclasses import asdict
 
 import click
 
-from occ_constraints_pkg.traffic.formats import FORMATS
 from occ_constraints_pkg.cli.common import JSON, end_tidily, print_json, progress_bar, say, warn
+from occ_constraints_pkg.traffic.formats import FORMATS
 
 
 @click.command(

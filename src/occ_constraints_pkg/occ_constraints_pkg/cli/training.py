@@ -19,7 +19,7 @@ from occ_constraints_pkg.cli.common import (
     say,
     tell,
 )
-from occ_constraints_pkg.errors import OccError, import_needed
+from occ_constraints_pkg.errors import ConfigurationError, import_needed
 from occ_constraints_pkg.stopping import parent_is_gone, stop_request
 from occ_constraints_pkg.worlds.registry import check_world
 
@@ -301,11 +301,11 @@ def _world_of(policy: str) -> str:
 
     if Path(policy).is_dir():
         inside = Path(policy, 'policy.npz')
-        raise OccError(
+        raise ConfigurationError(
             f'{policy} is a directory; allowed is the policy file in it, {inside}'
             if inside.is_file()
             else f'{policy} is a directory without a policy.npz; allowed is a policy file (.npz)'
         )
     if not policy.endswith('.npz'):
-        raise OccError(f'{policy!r} is no policy file (.npz), and a driver needs --world')
+        raise ConfigurationError(f'{policy!r} is no policy file (.npz), and a driver needs --world')
     return GaussianPolicy.load(policy).world

@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 
 _OPTIONS = (
@@ -109,16 +109,20 @@ def tree_settings(*, faithful: bool, depth: int, **settings: Any) -> OCTreeSetti
         return _article_settings(given, named)
     # What has no effect is refused: whoever gave it expects another result.
     if 'contamination' in named and given.clip != 'mass':
-        raise OccError('--contamination has no effect with --clip density; allowed is --gamma')
+        raise ConfigurationError(
+            '--contamination has no effect with --clip density; allowed is --gamma'
+        )
     if 'gamma' in named and given.clip != 'density':
-        raise OccError('--gamma has no effect with --clip mass; allowed is --contamination')
+        raise ConfigurationError(
+            '--gamma has no effect with --clip mass; allowed is --contamination'
+        )
     return given
 
 
 def _article_settings(given: OCTreeSettings, named: set[str]) -> OCTreeSettings:
     """Return the article's settings, but for those named on the command line."""
     if 'contamination' in named or ('clip' in named and given.clip != 'density'):
-        raise OccError(
+        raise ConfigurationError(
             '--faithful clips by density and knows no contamination; allowed beside it are '
             '--depth, --gamma, --alpha, --beta, --min-split and --nu'
         )

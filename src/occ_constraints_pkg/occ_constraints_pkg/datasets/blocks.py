@@ -14,13 +14,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from occ_constraints_pkg.datasets.topic_columns import TopicColumns
 from occ_constraints_pkg.features.feature_map import FeatureMap, topic_key
 from occ_constraints_pkg.features.lateness import lateness_of
+from occ_constraints_pkg.features.table import Table
+from occ_constraints_pkg.features.transforms import RowTransforms
 from occ_constraints_pkg.rosbag.recording import Recording
 from occ_constraints_pkg.rosbag.storage import Block
-from occ_constraints_pkg.features.table import Table
-from occ_constraints_pkg.datasets.topic_columns import TopicColumns
-from occ_constraints_pkg.features.transforms import RowTransforms
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ import numpy as np
 from occ_constraints_pkg.datasets.blocks import RowBlock
 from occ_constraints_pkg.datasets.dataset import ORIGIN
 from occ_constraints_pkg.datasets.manifest import Selection
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import DataError
 
 
 class CollectedRows:
@@ -98,7 +98,7 @@ class CollectedRows:
         """
         triples = np.concatenate(self._episodes)
         if not np.isfinite(triples).all():
-            raise OccError(f"{where} has values that are not finite in the column 'episode'")
+            raise DataError(f"{where} has values that are not finite in the column 'episode'")
         # Sorting rows takes longer than reading them, and mostly there is little to sort by.
         varying = (triples != triples[0]).any(axis=0)
         if varying.sum() < 2:

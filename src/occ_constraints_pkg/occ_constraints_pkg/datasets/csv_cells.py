@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import DataError
 
 
 def parse_quickly(lines: Iterable[str], width: int) -> np.ndarray | None:
@@ -37,7 +37,7 @@ def parse_cells(rows: Any, header: Sequence[str], places: Sequence[int], path: P
         if is_blank(row):
             continue
         if len(row) != len(header):
-            raise OccError(
+            raise DataError(
                 f'{path}, line {rows.line_num}: got {len(row)} cells; '
                 f'allowed are {len(header)}, as in the header'
             )
@@ -54,6 +54,6 @@ def _cell(text: str, column: str, line: int, path: Path) -> float:
     try:
         return float(text) if text.strip() else np.nan
     except ValueError:
-        raise OccError(
+        raise DataError(
             f'{path}, line {line}, column {column!r}: got {text!r}; allowed is a number'
         ) from None

@@ -4,15 +4,12 @@
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import DataError
 
 # When a row's pace message was recorded, and which row of that message it is.
 ORIGIN = np.dtype([('time_ns', np.int64), ('row', np.int32)])
@@ -60,7 +57,7 @@ class Dataset:
         more = (self.true_cost, self.times_ns, self.recordings, self.origins)
         columns += [column for column in more if column is not None]
         if self.values.shape != (rows, len(self.names)) or any(c.shape != (rows,) for c in columns):
-            raise OccError(
+            raise DataError(
                 f'a dataset of {len(self.names)} features and {rows} stamps got values of shape '
                 f'{self.values.shape} and columns of shapes {[c.shape for c in columns]}'
             )
@@ -90,12 +87,3 @@ class Dataset:
             'time_ns': int(self.origins['time_ns'][row]),
             'row': int(self.origins['row'][row]),
         }
-
-
-def sha256_of(files: Iterable[Path]) -> str:
-    """Return the SHA-256 over the contents of files, one after the other, in hex."""
-    digest = hashlib.sha256()
-    for file in files:
-        with file.open('rb') as stream:
-            hashlib.file_digest(stream, lambda: digest)
-    return digest.hexdigest()

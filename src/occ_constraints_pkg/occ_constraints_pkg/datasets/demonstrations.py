@@ -11,12 +11,12 @@ import numpy as np
 
 from occ_constraints_pkg.datasets.concerns import concerns
 from occ_constraints_pkg.datasets.dataset import Dataset
-from occ_constraints_pkg.features.extractor import extract
-from occ_constraints_pkg.features.feature_map import FeatureMap
+from occ_constraints_pkg.datasets.extraction import extract
 from occ_constraints_pkg.datasets.manifest import select
 from occ_constraints_pkg.datasets.repeats import without_repeats
 from occ_constraints_pkg.datasets.table_files import TABLE_ENDINGS, are_table_files, read_tables
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import DataError
+from occ_constraints_pkg.features.feature_map import FeatureMap
 from occ_constraints_pkg.learning.learn import learn
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.rules.constraints_file import Constraints
@@ -55,7 +55,9 @@ def learn_from_files(
             few episodes for the promise.
     """
     if calibrate_on and false_alarm is None:
-        raise OccError('there is something to calibrate on but no false_alarm to promise; give one')
+        raise DataError(
+            'there is something to calibrate on but no false_alarm to promise; give one'
+        )
     data, space = read_demonstrations(paths, feature_map, progress=progress)
     data, repeats = without_repeats(data)
     safe, safe_episodes = None, None
@@ -65,7 +67,7 @@ def learn_from_files(
         safe, more = without_repeats(safe, data)
         repeats += more
         if not len(safe):
-            raise OccError(
+            raise DataError(
                 f'{", ".join(map(str, calibrate_on))}: there is nothing to calibrate on that is '
                 'not learned from; allowed are other recordings or tables'
             )
@@ -115,7 +117,7 @@ def read_demonstrations(
     if feature_map is None:
         # A feature map or constraints among the data are told as what they are.
         select(paths)
-        raise OccError(
+        raise DataError(
             f'{paths[0]} is no table ({TABLE_ENDINGS}), and a recording needs a feature map: '
             '-m FILE or a name'
         )
@@ -150,7 +152,7 @@ def read_for_rules(
         data, _ = read_tables(paths, constraints.rule_set.space)
         return data
     if constraints.feature_map is None:
-        raise OccError(
+        raise DataError(
             f'{where} has no feature_map, so no topic gives its features; '
             'allowed are tables (.npz, .csv, .parquet) with columns of their names'
         )

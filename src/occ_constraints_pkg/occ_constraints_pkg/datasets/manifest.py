@@ -15,7 +15,7 @@ import numpy as np
 
 from occ_constraints_pkg.datasets.table_files import is_table_file
 from occ_constraints_pkg.documents import load_schema, parse_yaml, read_text, validate
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError
 
 SCHEMA = load_schema(__package__, 'manifest.schema.json')
 _SUFFIXES = ('.yaml', '.yml')
@@ -108,11 +108,11 @@ def load_manifest(path: str | Path) -> list[Selection]:
     text = read_text(path)
     document = parse_yaml(text, str(path))
     if isinstance(document, dict) and 'rosbag2_bagfile_information' in document:
-        raise OccError(
+        raise ConfigurationError(
             f'{path} is the metadata of a recording, not a manifest; give its directory instead'
         )
     if isinstance(document, dict) and {'features', 'rules'} & document.keys():
-        raise OccError(
+        raise ConfigurationError(
             f'{path} is not a recording, nor a manifest that lists some, but '
             + ('constraints (-c)' if 'rules' in document else 'a feature map (-m)')
         )
@@ -126,13 +126,13 @@ def load_manifest(path: str | Path) -> list[Selection]:
 def _selection(entry: Mapping[str, Any], folder: Path, where: str) -> Selection:
     path = folder / entry['path']
     if is_table_file(path) or path.suffix in _SUFFIXES:
-        raise OccError(
+        raise ConfigurationError(
             f'{where}.path: got {entry["path"]!r}; allowed are rosbag2 directories and files '
             'that end in .mcap or .db3'
         )
     times = [time for key in ('include', 'exclude') for item in entry.get(key, ()) for time in item]
     if any(time is not None and math.isnan(time) for time in (*times, *entry.get('episodes', ()))):
-        raise OccError(f'{where}: got nan for a time; allowed are seconds from 0 to 1e9')
+        raise ConfigurationError(f'{where}: got nan for a time; allowed are seconds from 0 to 1e9')
     intervals = {}
     for key in ('include', 'exclude'):
         intervals[key] = tuple(
@@ -142,7 +142,7 @@ def _selection(entry: Mapping[str, Any], folder: Path, where: str) -> Selection:
         for number, (low, high) in enumerate(intervals[key]):
             if low >= high:
                 got = entry[key][number]
-                raise OccError(
+                raise ConfigurationError(
                     f'{where}.{key}[{number}]: got {got}; allowed is an end after the beginning'
                 )
     return Selection(path, **intervals, episodes=tuple(map(_ns, entry.get('episodes', ()))))

@@ -14,10 +14,10 @@ import numpy as np
 
 from occ_constraints_pkg.archives import array_names, read_arrays
 from occ_constraints_pkg.datasets.csv_cells import parse_cells, parse_quickly
-from occ_constraints_pkg.datasets.dataset import Dataset, sha256_of
+from occ_constraints_pkg.datasets.dataset import Dataset
 from occ_constraints_pkg.documents import did_you_mean
-from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.files import open_regular
+from occ_constraints_pkg.errors import DataError, OccError
+from occ_constraints_pkg.files import open_regular, sha256_of
 from occ_constraints_pkg.rules.space import Feature, FeatureSpace
 
 # Columns that are no features. Tables of a simulation call the cost `true_cost`, as its topics do.
@@ -57,7 +57,7 @@ def are_table_files(paths: Sequence[str | Path]) -> bool:
     tables = [path for path in paths if is_table_file(path)]
     if tables and len(tables) < len(paths):
         other = next(path for path in paths if path not in tables)
-        raise OccError(
+        raise DataError(
             f'got the table {tables[0]} and the recording {other}; '
             'allowed are tables only or recordings only'
         )
@@ -93,18 +93,18 @@ def read_tables(
     for path in map(Path, paths):
         content = _read(path, None if space is None else space.names)
         if not len(content.values):
-            raise OccError(f'{path} has no rows; allowed are one or more')
+            raise DataError(f'{path} has no rows; allowed are one or more')
         if space is None:
             space = _space(content.features, path)
         contents.append(_in_order(content, space, path))
         numbers = np.zeros(len(content.values)) if content.episode is None else content.episode
         if not np.isfinite(numbers).all():
-            raise OccError(f'{path} has values that are not finite in the column {_EPISODE!r}')
+            raise DataError(f'{path} has values that are not finite in the column {_EPISODE!r}')
         unique, inverse = np.unique(numbers, return_inverse=True)
         first = 0 if not episodes else int(episodes[-1].max()) + 1
         episodes.append(inverse.reshape(-1).astype(np.int64) + first)
     if space is None:
-        raise OccError('there are no tables to read; allowed are one or more')
+        raise DataError('there are no tables to read; allowed are one or more')
     counts = [len(content.values) for content in contents]
     costs = [
         np.full(count, np.nan) if content.cost is None else content.cost
@@ -131,23 +131,23 @@ def read_tables(
 def _read(path: Path, wanted: Collection[str] | None) -> _Content:
     reader = _READERS.get(path.suffix)
     if reader is None:
-        raise OccError(f'{path} is not a table; allowed are files that end in {TABLE_ENDINGS}')
+        raise DataError(f'{path} is not a table; allowed are files that end in {TABLE_ENDINGS}')
     try:
         return reader(path, wanted)
     except OSError as error:
-        raise OccError(f'cannot read {path}: {error.strerror or error}') from error
+        raise DataError(f'cannot read {path}: {error.strerror or error}') from error
 
 
 def _space(features: tuple[Feature, ...], path: Path) -> FeatureSpace:
     if any(not feature.name for feature in features):
-        raise OccError(
+        raise DataError(
             f'{path} has a column without a name, which would be a feature; '
             'allowed is a name for each, or to delete the column'
         )
     try:
         return FeatureSpace(tuple(replace(item, unit=item.unit or '1') for item in features))
     except OccError as error:
-        raise OccError(f'{path}: {error}') from error
+        raise DataError(f'{path}: {error}') from error
 
 
 def _in_order(content: _Content, space: FeatureSpace, path: Path) -> _Content:
@@ -157,7 +157,7 @@ def _in_order(content: _Content, space: FeatureSpace, path: Path) -> _Content:
         _require(feature.name, names, path)
         unit = content.features[names.index(feature.name)].unit
         if unit not in ('', feature.unit):
-            raise OccError(
+            raise DataError(
                 f'{path} states the unit {unit!r} for the feature {feature.name!r}; '
                 f'allowed here is {feature.unit!r}'
             )
@@ -170,27 +170,27 @@ def _in_order(content: _Content, space: FeatureSpace, path: Path) -> _Content:
 def _require(name: str, names: Sequence[str], path: Path) -> None:
     if name not in names:
         hint = did_you_mean(name, names) or ';'
-        raise OccError(f'{path} has no column {name!r}{hint} its columns are {", ".join(names)}')
+        raise DataError(f'{path} has no column {name!r}{hint} its columns are {", ".join(names)}')
 
 
 def _cost_name(names: Collection[str], path: Path) -> str | None:
     found = [name for name in _COSTS if name in names]
     if len(found) > 1:
-        raise OccError(f'{path} has both {_COSTS[0]!r} and {_COSTS[1]!r}; allowed is one of them')
+        raise DataError(f'{path} has both {_COSTS[0]!r} and {_COSTS[1]!r}; allowed is one of them')
     return found[0] if found else None
 
 
 def _read_npz(path: Path, _wanted: Collection[str] | None) -> _Content:
     arrays = read_arrays(path, _NPZ_ARRAYS.__contains__)
     if 'features' not in arrays:
-        raise OccError(
+        raise DataError(
             f"{path} has no array 'features' of shape (rows, k) or (episodes, rows, k); "
             f'its arrays are {", ".join(array_names(path))}'
         )
     cost = _cost_name(arrays, path)
     values = _numbers(arrays['features'], f"{path}: 'features'")
     if values.ndim not in (2, 3) or not values.shape[-1]:
-        raise OccError(
+        raise DataError(
             f"{path}: 'features' has the shape {values.shape}; "
             'allowed are (rows, k) and (episodes, rows, k)'
         )
@@ -202,14 +202,14 @@ def _read_npz(path: Path, _wanted: Collection[str] | None) -> _Content:
             continue
         columns[key] = _numbers(arrays[key], f'{path}: {key!r}')
         if columns[key].shape != shape:
-            raise OccError(
+            raise DataError(
                 f'{path}: {key!r} has the shape {columns[key].shape}; allowed is {shape}, '
                 'one number per row'
             )
         columns[key] = columns[key].reshape(-1)
     if len(shape) == 2:
         if _EPISODE in columns:
-            raise OccError(
+            raise DataError(
                 f"{path} has an array 'episode', but the first axis of 'features' tells episodes "
                 'apart already; allowed is one of them'
             )
@@ -227,7 +227,7 @@ def _npz_features(arrays: dict[str, np.ndarray], width: int, path: Path) -> tupl
         given = arrays.get(key)
         if given is not None:
             if given.shape != (width,) or given.dtype.kind != 'U':
-                raise OccError(
+                raise DataError(
                     f'{path}: {key!r} has the shape {given.shape} and type {given.dtype}; '
                     f'allowed is text of shape ({width},), one for each feature'
                 )
@@ -236,7 +236,7 @@ def _npz_features(arrays: dict[str, np.ndarray], width: int, path: Path) -> tupl
     if 'bounds' in arrays:
         bounds = _numbers(arrays['bounds'], f"{path}: 'bounds'")
         if bounds.shape != (width, 2):
-            raise OccError(
+            raise DataError(
                 f"{path}: 'bounds' has the shape {bounds.shape}; allowed is ({width}, 2), the "
                 'smallest and largest possible value of each feature'
             )
@@ -248,7 +248,7 @@ def _npz_features(arrays: dict[str, np.ndarray], width: int, path: Path) -> tupl
 
 def _numbers(array: np.ndarray, where: str) -> np.ndarray:
     if array.dtype.kind not in 'biuf':
-        raise OccError(f'{where} is of type {array.dtype}; allowed are real numbers')
+        raise DataError(f'{where} is of type {array.dtype}; allowed are real numbers')
     return array.astype(np.float64, copy=False)
 
 
@@ -271,19 +271,19 @@ def _read_csv(path: Path, wanted: Collection[str] | None) -> _Content:
                 table = table[:, places] if len(places) < len(header) else table
     except (UnicodeDecodeError, csv.Error) as error:
         reason = 'it is not UTF-8 text' if isinstance(error, UnicodeDecodeError) else error
-        raise OccError(f'cannot read {path}: {reason}') from error
+        raise DataError(f'cannot read {path}: {reason}') from error
     return _split(chosen, table, path)
 
 
 def _check_header(header: Sequence[str], path: Path) -> None:
     """Refuse a file without a header: its first row would be lost, and names be numbers."""
     if not header:
-        raise OccError(f'{path} is empty; allowed are a line with the names of columns, then rows')
+        raise DataError(f'{path} is empty; allowed are a line with the names of columns, then rows')
     try:
         numbers = [float(name) for name in header]
     except ValueError:
         return
-    raise OccError(
+    raise DataError(
         f'{path}, line 1: got the numbers {", ".join(f"{number:g}" for number in numbers)}; '
         'allowed are the names of the columns'
     )
@@ -300,9 +300,9 @@ def _choose(
     names = [name for name in header if wanted is None or name in wanted or name in apart]
     for name in names:
         if name and names.count(name) > 1:
-            raise OccError(f'{path} has two columns {name!r}; names must be unique')
+            raise DataError(f'{path} has two columns {name!r}; names must be unique')
     if not set(names) - set(apart):
-        raise OccError(f'{path} has no column of a feature; its columns are {", ".join(header)}')
+        raise DataError(f'{path} has no column of a feature; its columns are {", ".join(header)}')
     return names, [place for place, name in enumerate(header) if name in names]
 
 
@@ -311,7 +311,7 @@ def _read_parquet(path: Path, wanted: Collection[str] | None) -> _Content:
         import pyarrow
         import pyarrow.parquet
     except ModuleNotFoundError as error:
-        raise OccError(
+        raise DataError(
             f"reading {path} needs the module 'pyarrow', which is not installed: "
             'pip install pyarrow'
         ) from error
@@ -326,10 +326,10 @@ def _read_parquet(path: Path, wanted: Collection[str] | None) -> _Content:
                 or pyarrow.types.is_floating(kind)
                 or pyarrow.types.is_boolean(kind)
             ):
-                raise OccError(f'{path}, column {name!r}: got {kind}; allowed are numbers')
+                raise DataError(f'{path}, column {name!r}: got {kind}; allowed are numbers')
         content = pyarrow.parquet.read_table(path, columns=names)
     except pyarrow.ArrowInvalid as error:
-        raise OccError(f'{path} is not a Parquet file: {str(error).splitlines()[0]}') from error
+        raise DataError(f'{path} is not a Parquet file: {str(error).splitlines()[0]}') from error
     table = np.empty((content.num_rows, len(names)))
     for place, name in enumerate(names):
         # Whole numbers beyond 2**53 are rounded, as everywhere else.

@@ -20,8 +20,8 @@ from occ_constraints_pkg.features.fields import (
     header_stamp_ns,
     unmeasured,
 )
-from occ_constraints_pkg.rosbag.recording import Recording
 from occ_constraints_pkg.features.sources import Reading
+from occ_constraints_pkg.rosbag.recording import Recording
 from occ_constraints_pkg.rosbag.storage import Block
 
 _STAMP = (('header', 'stamp', 'sec'), ('header', 'stamp', 'nanosec'))

@@ -17,9 +17,9 @@ from occ_constraints_pkg.agents.drivers import find_driver
 from occ_constraints_pkg.agents.evaluation import evaluate
 from occ_constraints_pkg.agents.policy import GaussianPolicy
 from occ_constraints_pkg.agents.rule_cost import RuleCost
-from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.demo.recordings import record_drives
 from occ_constraints_pkg.demo.processes import nodes_running, private_domain
+from occ_constraints_pkg.demo.recordings import record_drives
+from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.files import make_directory, set_aside
 from occ_constraints_pkg.rules.constraints_file import Constraints, load_constraints
 from occ_constraints_pkg.worlds.registry import make_world
@@ -204,7 +204,7 @@ def _prepare(output: Path) -> None:
     """Make room for a new demo; what an earlier one left, and a person may have edited, is kept."""
     if output.is_dir() and any(output.iterdir()):
         if not (output / _MARKER).exists():
-            raise OccError(
+            raise ConfigurationError(
                 f'{output} exists and is not the output of a demo; name another directory with -o'
             )
         click.echo(f'      the earlier demo is now in {set_aside(output)}')

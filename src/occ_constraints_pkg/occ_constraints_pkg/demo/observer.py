@@ -21,8 +21,8 @@ from rclpy.task import Future
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Float64
 
+from occ_constraints_pkg.errors import ConfigurationError, OccError
 from occ_constraints_pkg.features.table import Table
-from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.learning.scoring import score_flags
 from occ_constraints_pkg.ros.messages import to_nanoseconds
 from occ_constraints_pkg.ros.qos import SETTLED_LOOKS
@@ -62,7 +62,7 @@ class Heard:
         """
         stamps = sorted(self.costs.keys() & self.true_cost.keys())
         if not stamps:
-            raise OccError('no costs were received, so nothing can be compared')
+            raise ConfigurationError('no costs were received, so nothing can be compared')
         flagged = np.concatenate([self.costs[stamp].column('cost') for stamp in stamps]) > 0
         costly = np.concatenate([self.true_cost[stamp] for stamp in stamps]) > 0
         score = score_flags(flagged, costly)
@@ -123,7 +123,7 @@ class Witness:
         """
         self.spin(seconds, condition)
         if not condition():
-            raise OccError(f'nothing came of waiting {seconds:g} s for the nodes')
+            raise ConfigurationError(f'nothing came of waiting {seconds:g} s for the nodes')
 
     def spin(self, seconds: float, condition: Callable[[], bool] = lambda: False) -> None:
         """Listen for a while, or until ``condition`` holds if that is sooner."""
@@ -143,7 +143,7 @@ class Witness:
         """
         self._executor.spin_until_future_complete(future, seconds)
         if not future.done():
-            raise OccError(f'no answer came within {seconds:g} s')
+            raise ConfigurationError(f'no answer came within {seconds:g} s')
 
     def call(self, kind: type, service: str, seconds: float = 30.0, **fields: Any) -> Any:
         """Call a service and return its answer.
@@ -170,7 +170,7 @@ class Witness:
             for future in futures:
                 if future.done():
                     return future.result()
-        raise OccError(f'service {service!r} gave no answer within {seconds:g} s')
+        raise ConfigurationError(f'service {service!r} gave no answer within {seconds:g} s')
 
     def wait_for_monitor(self, subscribers: int, seconds: float = 30.0) -> None:
         """Wait until a monitor knows as many subscribers of its costs and violations.

@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 from jinja2 import Environment, StrictUndefined
 
+from occ_constraints_pkg.agents.curves import draw_training
 from occ_constraints_pkg.agents.drivers import find_driver
 from occ_constraints_pkg.agents.rule_cost import RuleCost
 from occ_constraints_pkg.agents.training import read_metrics
-from occ_constraints_pkg.features.extractor import extract
+from occ_constraints_pkg.datasets.extraction import extract
+from occ_constraints_pkg.demo.pictures import draw_drives, draw_rules
 from occ_constraints_pkg.features.feature_map import FeatureMap
 from occ_constraints_pkg.files import PAGE, write_text
-from occ_constraints_pkg.agents.curves import draw_training
-from occ_constraints_pkg.demo.pictures import draw_drives, draw_rules
 from occ_constraints_pkg.rules.constraints_file import Constraints
 from occ_constraints_pkg.worlds.registry import world_class
 

@@ -17,8 +17,8 @@ from matplotlib.patches import Circle
 
 from occ_constraints_pkg.agents.rule_cost import RuleCost
 from occ_constraints_pkg.files import PICTURE, replacing
-from occ_constraints_pkg.worlds.film import COLOURS, draw_things
 from occ_constraints_pkg.rules.ruleset import RuleSet
+from occ_constraints_pkg.worlds.film import COLOURS, draw_things
 from occ_constraints_pkg.worlds.safety_gym import GOAL_RADIUS, PointGoal1
 from occ_constraints_pkg.worlds.stream import EpisodeStream
 

@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.stopping import PARENT_VARIABLE
 
 _STOP_SECONDS = 15.0
@@ -105,7 +105,7 @@ class NodeProcess:
                 other.raise_error()
             time.sleep(_LOOK_SECONDS)
         if self.is_running:
-            raise OccError(
+            raise ConfigurationError(
                 f'node {self.name} did not end within {seconds:g} s; its output is in {self.log}'
             )
         self.raise_error()
@@ -117,7 +117,7 @@ class NodeProcess:
             OccError: it has; the end of its output is told.
         """
         if self.exit_code:
-            raise OccError(
+            raise ConfigurationError(
                 f'node {self.name} ended with code {self.exit_code}: {self.last_words()}'
             )
 

@@ -12,12 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from occ_constraints_pkg.features.sources import (
-    FeatureSource,
-    Reading,
-    feature_document,
-    features_of,
-)
 from occ_constraints_pkg.documents import (
     did_you_mean,
     load_schema,
@@ -25,7 +19,13 @@ from occ_constraints_pkg.documents import (
     read_text,
     validate,
 )
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError, OccError
+from occ_constraints_pkg.features.sources import (
+    FeatureSource,
+    Reading,
+    feature_document,
+    features_of,
+)
 from occ_constraints_pkg.rules.constraints_file import Constraints
 from occ_constraints_pkg.rules.space import Feature, FeatureSpace
 
@@ -119,7 +119,9 @@ class FeatureMap:
         try:
             return cls._from_valid(document, where)
         except OverflowError as error:
-            raise OccError(f'{where}: a number is too large; allowed are 64-bit floats') from error
+            raise ConfigurationError(
+                f'{where}: a number is too large; allowed are 64-bit floats'
+            ) from error
 
     @classmethod
     def _from_valid(cls, document: Any, where: str) -> FeatureMap:
@@ -135,12 +137,12 @@ class FeatureMap:
         result = cls(pace, float(document['max_age']), tuple(features), rate)
         for key, value in (('max_age', result.max_age), ('pace.rate', rate or 1.0)):
             if not np.isfinite(value):
-                raise OccError(f'{where}: {key}: got {value}; allowed is a finite number')
+                raise ConfigurationError(f'{where}: {key}: got {value}; allowed is a finite number')
         tables = {topic_key(topic) for topic in result.table_topics}
         for index, feature in zip(entries, features, strict=True):
             for reading in filter(None, (feature.reading, feature.minus)):
                 if reading.column is None and topic_key(reading.topic) in tables:
-                    raise OccError(
+                    raise ConfigurationError(
                         f'{where}: features[{index}].field: got {reading.field!r} of topic '
                         f'{reading.topic!r}, of which another feature is a table column; '
                         'allowed are fields only or columns only'
@@ -149,7 +151,7 @@ class FeatureMap:
             # The feature space checks names and bounds.
             _ = result.space
         except OccError as error:
-            raise OccError(f'{where}: {error}') from error
+            raise ConfigurationError(f'{where}: {error}') from error
         return result
 
 
@@ -165,19 +167,19 @@ def load_feature_map(name_or_path: str | Path) -> FeatureMap:
     elif Path(name_or_path).is_file():
         text = read_text(name_or_path)
     elif Path(name_or_path).is_dir():
-        raise OccError(
+        raise ConfigurationError(
             f'{name} is a directory, as recordings are, not a feature map; were the arguments '
             'swapped?'
         )
     else:
         hint = did_you_mean(name, BUILT_IN_MAPS) or ';'
-        raise OccError(
+        raise ConfigurationError(
             f'there is no feature map {name!r}{hint} allowed are a YAML file and the built-in '
             f'maps {", ".join(BUILT_IN_MAPS)}'
         )
     document = parse_yaml(text, name)
     if isinstance(document, dict) and 'rules' in document:
-        raise OccError(f'{name} is a constraints file (-c), not a feature map')
+        raise ConfigurationError(f'{name} is a constraints file (-c), not a feature map')
     return FeatureMap.from_document(document, name, text=text)
 
 
@@ -192,11 +194,11 @@ def map_of(constraints: Constraints, where: str) -> FeatureMap:
         OccError: there is none, it is not valid, or it gives other features than the rules name.
     """
     if constraints.feature_map is None:
-        raise OccError(f'{where} has no feature_map, so no topic gives its features')
+        raise ConfigurationError(f'{where} has no feature_map, so no topic gives its features')
     feature_map = FeatureMap.from_document(constraints.feature_map, where)
     names = constraints.rule_set.space.names
     if feature_map.names != names:
-        raise OccError(
+        raise ConfigurationError(
             f'{where}: feature_map gives {", ".join(feature_map.names)}, but the rules speak '
             f'of {", ".join(names)}'
         )

@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from occ_constraints_pkg.documents import did_you_mean
+from occ_constraints_pkg.errors import DataError, OccError
 from occ_constraints_pkg.features.serialized_tables import TableMessage
 from occ_constraints_pkg.features.sources import Reading
-from occ_constraints_pkg.documents import did_you_mean
-from occ_constraints_pkg.errors import OccError
 
 _STEP = re.compile(r'\.?([A-Za-z_]\w*)|\[(-?\d+)\]|\[(-?\d*):(-?\d*)\]')
 
@@ -169,7 +169,7 @@ class FieldReader:
         for name in GREATEST:
             if hasattr(message, name):
                 return float(getattr(message, name))
-        raise OccError(
+        raise DataError(
             f'feature {self._name!r} of topic {self.reading.topic!r} has missing: '
             f"max_range, but {_kind(message)} has no field 'range_max'"
         )
@@ -179,7 +179,7 @@ class FieldReader:
         try:
             return float(message.angle_min), float(message.angle_increment)
         except AttributeError:
-            raise OccError(
+            raise DataError(
                 f'feature {self._name!r} of topic {self.reading.topic!r} asks for a sector, but '
                 f"{_kind(message)} has no fields 'angle_min' and 'angle_increment'"
             ) from None
@@ -197,7 +197,7 @@ class FieldReader:
         """
         angles = np.degrees(first + step * np.arange(count)) * _PER_DEGREE
         if not (np.abs(angles) <= _FURTHEST * _PER_DEGREE).all():
-            raise OccError(
+            raise DataError(
                 f'topic {self.reading.topic!r} has a scan of {count} beams with angle_min '
                 f'{first:g} and angle_increment {step:g}; allowed are beams within some turns'
             )
@@ -206,7 +206,7 @@ class FieldReader:
         inside = np.flatnonzero((angles - low) % _CIRCLE < high - low)
         if not len(inside):
             ends = sorted((int(angles[0]), int(angles[-1])))
-            raise OccError(
+            raise DataError(
                 f'feature {self._name!r} of topic {self.reading.topic!r} asks for the sector from '
                 f'{low / _PER_DEGREE:g} to {high / _PER_DEGREE:g} degrees, but no beam of the '
                 f'scan is there; its beams go from {ends[0] / _PER_DEGREE:g} to '
@@ -229,7 +229,7 @@ class FieldReader:
         start, stop, _ = step.indices(length)
         beyond = any(abs(end) > length for end in (step.start, step.stop) if end is not None)
         if length and (beyond or start >= stop):
-            raise OccError(
+            raise DataError(
                 f'feature {self._name!r} of topic {self.reading.topic!r} asks for '
                 f'{self.reading.field!r}, but the array has {length} elements'
             )
@@ -245,13 +245,13 @@ class FieldReader:
             what = f'{_render(self._steps[:place])} has {len(value)} elements'
         else:
             what = f'{_render(self._steps[:place])} is not an array'
-        return OccError(
+        return DataError(
             f'feature {self._name!r} of topic {reading.topic!r} asks for {reading.field!r}, '
             f'but {what}'
         )
 
     def _wrong(self, value: Any, allowed: str) -> OccError:
-        return OccError(
+        return DataError(
             f'feature {self._name!r} of topic {self.reading.topic!r}: '
             f'{self.reading.field!r} is {_kind(value)}; allowed is {allowed}'
         )

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from occ_constraints_pkg.documents import did_you_mean
+from occ_constraints_pkg.errors import DataError
 from occ_constraints_pkg.features.fields import MessageReader
 from occ_constraints_pkg.features.serialized_tables import TableMessage
 from occ_constraints_pkg.features.sources import Reading
 from occ_constraints_pkg.features.table import Table
-from occ_constraints_pkg.documents import did_you_mean
-from occ_constraints_pkg.errors import OccError
 
 
 class Held:
@@ -84,7 +84,7 @@ class TopicReader:
             return np.array([self._fields.read(message)]), None
         if not has_points:
             name, reading = self._columns[0]
-            raise OccError(
+            raise DataError(
                 f'feature {name!r} asks for column {reading.column!r} of topic '
                 f'{reading.topic!r}, whose messages are {type(message).__name__}; '
                 'allowed is a table (sensor_msgs/msg/PointCloud2)'
@@ -101,7 +101,7 @@ def _find(table: Table, name: str, reading: Reading) -> int:
         return table.names.index(reading.column)
     except ValueError:
         hint = did_you_mean(reading.column, table.names) or ';'
-        raise OccError(
+        raise DataError(
             f'feature {name!r} asks for column {reading.column!r} of topic '
             f'{reading.topic!r}, which the table does not have{hint} '
             f'its columns are {", ".join(table.names)}'

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.features.table import Table
 from occ_constraints_pkg.features.table_messages import STAMP, STAMP_AT, TableHead
-from occ_constraints_pkg.errors import OccError
 
 
 class TableMessage:

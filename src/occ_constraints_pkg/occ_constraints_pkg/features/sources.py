@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from occ_constraints_pkg.documents import did_you_mean
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError
 
 REDUCTIONS = ('min', 'max', 'mean', 'norm')
 # What may follow a field after '|', besides the reductions; those with numbers stand in a list.
@@ -141,7 +141,7 @@ def features_of(entry: Mapping[str, Any], where: str) -> list[FeatureSource]:
     _check_reading(feature.reading, where, is_sectored=sectors is not None)
     names = [step[0] for step in feature.transform]
     if 'yaw' in names:
-        raise OccError(
+        raise ConfigurationError(
             f"{where}: got transform 'yaw' "
             + (
                 f"with reduce '{feature.reduce}'; allowed is one of them"
@@ -150,13 +150,13 @@ def features_of(entry: Mapping[str, Any], where: str) -> list[FeatureSource]:
             )
         )
     if names.count('rate') > 1:
-        raise OccError(f"{where}.transform: got 'rate' twice; allowed is once")
+        raise ConfigurationError(f"{where}.transform: got 'rate' twice; allowed is once")
     if minus is not None:
         read, more = _unpipe(dict(minus), f'{where}.minus')
         if more == (('yaw',),) and 'reduce' not in read:
             read, more = {**read, 'reduce': 'yaw'}, ()
         if more:
-            raise OccError(
+            raise ConfigurationError(
                 f'{where}.minus: got the step {more[0][0]!r}; allowed are yaw and '
                 f'{", ".join(REDUCTIONS)}, for transform acts on the difference'
             )
@@ -218,7 +218,7 @@ def _unpipe(values: dict[str, Any], where: str) -> tuple[dict[str, Any], tuple[S
                 # A column may have any name.
                 break
             hint = did_you_mean(name, (*REDUCTIONS, *PLAIN_STEPS)) or ';'
-            raise OccError(
+            raise ConfigurationError(
                 f"{where}.field: got '|{name}'{hint} allowed after '|' are "
                 f'{", ".join((*REDUCTIONS, *PLAIN_STEPS))}'
             )
@@ -226,11 +226,13 @@ def _unpipe(values: dict[str, Any], where: str) -> tuple[dict[str, Any], tuple[S
         values[key] = values[key][: found.start()]
     if names and names[0] in REDUCTIONS:
         if values.get('reduce') is not None:
-            raise OccError(f"{where}.reduce: got one beside '|{names[0]}'; allowed is one of them")
+            raise ConfigurationError(
+                f"{where}.reduce: got one beside '|{names[0]}'; allowed is one of them"
+            )
         values['reduce'] = names.pop(0)
     for name in names:
         if name in REDUCTIONS:
-            raise OccError(
+            raise ConfigurationError(
                 f"{where}.{key}: got '|{name}' after another step; allowed is to reduce first"
             )
     if 'degrees' in values:
@@ -245,11 +247,13 @@ def _steps(given: Any, where: str) -> tuple[Step, ...]:
         place = where if isinstance(given, str) else f'{where}[{index}]'
         pairs = [(item, None)] if isinstance(item, str) else list(item.items())
         if len(pairs) != 1:
-            raise OccError(f'{place}: got {len(pairs)} keys; allowed is one, such as scale: 0.001')
+            raise ConfigurationError(
+                f'{place}: got {len(pairs)} keys; allowed is one, such as scale: 0.001'
+            )
         name, numbers = pairs[0]
         if name not in STEPS:
             hint = did_you_mean(name, STEPS) or ';'
-            raise OccError(f'{place}: got {name!r}{hint} allowed are {", ".join(STEPS)}')
+            raise ConfigurationError(f'{place}: got {name!r}{hint} allowed are {", ".join(STEPS)}')
         steps.append((name, *_numbers(name, numbers, place)))
     return tuple(steps)
 
@@ -278,7 +282,7 @@ def _numbers(name: str, given: Any, where: str) -> tuple[float, ...]:
             high = np.inf if ends[1] is None else float(ends[1])
             if low < high:
                 return low, high
-    raise OccError(f'{where}: got {given!r} for {name}; allowed is {allowed}')
+    raise ConfigurationError(f'{where}: got {given!r} for {name}; allowed is {allowed}')
 
 
 def _is_number(value: Any) -> bool:
@@ -289,35 +293,37 @@ def _check_reading(reading: Reading, where: str, *, is_sectored: bool = False) -
     """Refuse what the schema cannot see: keys that exclude or need each other."""
     if reading.column is not None:
         if reading.reduce == 'yaw':
-            raise OccError(
+            raise ConfigurationError(
                 f"{where}.transform: got 'yaw' for a table column; it needs a quaternion field"
             )
         for key in ('reduce', 'missing', 'degrees'):
             value = getattr(reading, key)
             if value not in (None, 'unknown'):
-                raise OccError(
+                raise ConfigurationError(
                     f'{where}.{key}: got {value!r} for a table column, which is one number; '
                     f'allowed is to leave {key} out'
                 )
         if is_sectored:
-            raise OccError(f'{where}.sectors: got a table column; allowed is a field of ranges')
+            raise ConfigurationError(
+                f'{where}.sectors: got a table column; allowed is a field of ranges'
+            )
         return
     if reading.degrees is not None:
         low, high = reading.degrees
         if not (abs(low) <= FULL_CIRCLE and low < high <= low + FULL_CIRCLE):
-            raise OccError(
+            raise ConfigurationError(
                 f'{where}.degrees: got [{low:g}, {high:g}]; allowed are two angles, the first '
                 'from -360 to 360, the second larger by at most 360'
             )
     is_sector = is_sectored or reading.degrees is not None
     if is_sector and '[' in reading.field:
-        raise OccError(
+        raise ConfigurationError(
             f'{where}.field: got {reading.field!r} beside a sector; allowed is the whole array, '
             'such as ranges'
         )
     if (is_sector or ':' in reading.field) and reading.reduce in (None, 'yaw'):
         what = 'a sector' if is_sector else f'field {reading.field!r}'
-        raise OccError(
+        raise ConfigurationError(
             f'{where}: the key "reduce" is missing, which {what} needs to '
             f'become one number; allowed are {", ".join(REDUCTIONS)}'
         )
@@ -336,7 +342,7 @@ def _sectors(feature: FeatureSource, count: int, where: str) -> list[FeatureSour
         width = (feature.degrees[1] - feature.degrees[0]) / count
         first = feature.degrees[0]
     if width < 1.0:
-        raise OccError(
+        raise ConfigurationError(
             f'{where}.sectors: got {count}, which makes sectors of {width:.3g} degrees; '
             'allowed are sectors of at least 1 degree'
         )

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import DataError
 
 # sensor_msgs/PointField datatype numbers; a table holds columns of one of these two kinds.
 FLOAT32, FLOAT64 = 7, 8
@@ -37,14 +37,14 @@ class Table:
 
     def __post_init__(self) -> None:
         if self.values.ndim != 2 or self.values.shape[1] != len(self.names):
-            raise OccError(
+            raise DataError(
                 f'a table of {len(self.names)} columns got values of shape {self.values.shape}; '
                 'allowed is (rows, columns)'
             )
         if _little(self.values.dtype) not in _DATATYPES:
-            raise OccError(f'a table got {self.values.dtype} values; allowed are float32, float64')
+            raise DataError(f'a table got {self.values.dtype} values; allowed are float32, float64')
         if len(set(self.names)) != len(self.names):
-            raise OccError(f'a table names a column twice: {", ".join(self.names)}')
+            raise DataError(f'a table names a column twice: {", ".join(self.names)}')
 
     def column(self, name: str) -> np.ndarray:
         """Return one column as a (rows,) view.
@@ -55,7 +55,7 @@ class Table:
         try:
             return self.values[:, self.names.index(name)]
         except ValueError:
-            raise OccError(
+            raise DataError(
                 f'the table has no column {name!r}; its columns are {", ".join(self.names)}'
             ) from None
 
@@ -90,13 +90,13 @@ class Table:
         rows = message.height * message.width
         step = message.width * message.point_step
         if message.height > 1 and message.row_step != step:
-            raise OccError(
+            raise DataError(
                 f'a table of {message.height} x {message.width} points of {message.point_step} '
                 f'bytes has row_step {message.row_step}; allowed is {step}'
             )
         data = np.frombuffer(message.data, dtype=np.uint8)
         if data.size < rows * message.point_step:
-            raise OccError(
+            raise DataError(
                 f'a table of {rows} rows of {message.point_step} bytes holds only {data.size} bytes'
             )
         data = data[: rows * message.point_step]
@@ -136,22 +136,22 @@ def _form(
     names = tuple(name for name, _, _, _ in fields)
     kinds = {datatype for _, _, datatype, _ in fields}
     if not fields or is_bigendian or not kinds <= _DTYPES.keys():
-        raise OccError(
+        raise DataError(
             f'a PointCloud2 with fields {", ".join(names) or "(none)"} of datatypes '
             f'{sorted(kinds)} is not a table; allowed are little-endian FLOAT32 and FLOAT64'
         )
     if point_step > _LARGEST_STEP:
-        raise OccError(
+        raise DataError(
             f'a table has points of {point_step} bytes; allowed are up to {_LARGEST_STEP}'
         )
     for name, offset, datatype, count in fields:
         # Some writers leave count at 0 where they mean 1.
         if count > 1:
-            raise OccError(
+            raise DataError(
                 f'the table field {name!r} holds {count} numbers per point; allowed is 1'
             )
         if offset + _DTYPES[datatype].itemsize > point_step:
-            raise OccError(
+            raise DataError(
                 f'the table field {name!r} at byte {offset} reaches past the {point_step} bytes of '
                 'a point'
             )

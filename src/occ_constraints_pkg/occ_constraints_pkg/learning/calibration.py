@@ -20,7 +20,7 @@ from fractions import Fraction
 import numpy as np
 from scipy.special import betaincinv
 
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.learning.guarantee import CONFIDENCE, Calibration
 from occ_constraints_pkg.learning.tree import Node
 from occ_constraints_pkg.rules.space import FeatureSpace
@@ -121,7 +121,7 @@ def calibrate(
     names, places = np.unique(episodes, return_inverse=True)
     count, needed = len(names), episodes_needed(false_alarm)
     if count < needed:
-        raise OccError(
+        raise ConfigurationError(
             f'false_alarm {false_alarm:g} needs {needed} safe episodes to calibrate on, got '
             f'{count}; allowed with so many is '
             + (f'{least_false_alarm(count)} or more' if count else 'none: give more episodes')
@@ -161,7 +161,9 @@ def space_limits(space: FeatureSpace) -> np.ndarray:
 def _exact(false_alarm: float) -> Fraction:
     """Return the number as it was written: 0.1 is a tenth, not the float next to it."""
     if not (isinstance(false_alarm, int | float) and 0.0 < false_alarm < 1.0):
-        raise OccError(f'false_alarm is {false_alarm!r}; allowed is a number above 0 and below 1')
+        raise ConfigurationError(
+            f'false_alarm is {false_alarm!r}; allowed is a number above 0 and below 1'
+        )
     return Fraction(repr(float(false_alarm)))
 
 

@@ -9,7 +9,7 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from occ_constraints_pkg.documents import did_you_mean
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.learning.evidence import MOST_LITERALS
 from occ_constraints_pkg.rules.constraints_file import Constraints
 from occ_constraints_pkg.rules.rule import Rule
@@ -36,7 +36,7 @@ def why_document(constraints: Constraints, rule_id: str) -> dict[str, Any]:
     ids = [rule.id for rule in constraints.rule_set.rules]
     if rule_id not in ids:
         hint = did_you_mean(rule_id, ids) or '; occ show FILE prints the ids of all'
-        raise OccError(f'the constraints have no rule {rule_id!r}{hint}')
+        raise ConfigurationError(f'the constraints have no rule {rule_id!r}{hint}')
     rule = constraints.rule_set.rules[ids.index(rule_id)]
     document: dict[str, Any] = {
         'id': rule.id,

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 import occ_constraints_pkg
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.learning.calibration import (
     SafeSet,
     calibrate,
@@ -161,7 +161,7 @@ def _check_enough(false_alarm: float, needed: int, samples: Samples) -> None:
         return
     given = held_out + len(np.unique(samples.episodes))
     least = least_false_alarm(held_out)
-    raise OccError(
+    raise ConfigurationError(
         f'false_alarm {false_alarm:g} needs {count_of(needed, "safe episode")} to calibrate on, '
         + 'but of '
         + ('the 1 episode' if given == 1 else f'the {given} episodes')

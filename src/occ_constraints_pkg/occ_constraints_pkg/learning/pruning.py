@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.rules.ruleset import RuleSet
 
 
@@ -43,9 +43,9 @@ def prune(rule_set: RuleSet, threshold: float) -> Pruning:
             an empty formula calls everything safe.
     """
     if not 0.0 <= threshold <= 1.0:
-        raise OccError(f'the pruning threshold is {threshold}; allowed is 0 to 1')
+        raise ConfigurationError(f'the pruning threshold is {threshold}; allowed is 0 to 1')
     if not any(rule.evaluated for rule in rule_set.rules if rule.enabled):
-        raise OccError(
+        raise ConfigurationError(
             'no enabled rule has been evaluated yet, so there is nothing to prune by; count '
             'first, with occ check --count, the monitor or the learner'
         )
@@ -62,7 +62,7 @@ def prune(rule_set: RuleSet, threshold: float) -> Pruning:
             pruned.append(rule.id)
         rules.append(rule)
     if not any(rule.enabled for rule in rules):
-        raise OccError(
+        raise ConfigurationError(
             f'a pruning threshold of {threshold:g} would disable every rule, and a formula without '
             'rules calls everything safe; choose a smaller one'
         )

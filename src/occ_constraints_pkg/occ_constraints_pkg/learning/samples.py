@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import DataError
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.rules.space import FeatureSpace
 
@@ -76,15 +76,15 @@ def checked_samples(values: np.ndarray) -> np.ndarray:
             raise TypeError('complex numbers')
         samples = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise OccError(f'learning needs numbers, rows of equal length: {error}') from error
+        raise DataError(f'learning needs numbers, rows of equal length: {error}') from error
     if samples.ndim != 2 or not samples.size:
-        raise OccError(f'learning needs samples of shape (n, k), got an array of {samples.shape}')
+        raise DataError(f'learning needs samples of shape (n, k), got an array of {samples.shape}')
     # A sum tells at a glance; finite samples may have an infinite one.
     with np.errstate(over='ignore', invalid='ignore'):
         glance = samples.sum()
     if not np.isfinite(glance) and not np.isfinite(samples).all():
         row, column = np.argwhere(~np.isfinite(samples))[0]
-        raise OccError(
+        raise DataError(
             f'sample {row}, feature {column} is {samples[row, column]}; learning takes finite '
             'values only'
         )
@@ -115,13 +115,13 @@ def divide_samples(
         OccError: there is no usable sample, or the share is not within 0 to 1.
     """
     if not 0.0 <= held_out_share < 1.0:
-        raise OccError(f'held_out_share is {held_out_share}; allowed is 0 <= held_out_share < 1')
+        raise DataError(f'held_out_share is {held_out_share}; allowed is 0 <= held_out_share < 1')
     rows = space.check_rows(values)
     if not len(rows):
-        raise OccError('there are no samples to learn from; allowed are one or more')
+        raise DataError('there are no samples to learn from; allowed are one or more')
     usable = is_usable(rows, space)
     if not usable.any():
-        raise OccError(
+        raise DataError(
             f'none of the {len(rows)} samples is usable: each has a value that is missing, not '
             f'finite or outside the physical bounds{_worst_feature(rows, space)}'
         )

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import DataError
 from occ_constraints_pkg.rules.rule import Rule
 from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.rules.verdict import Verdict
@@ -100,7 +100,7 @@ def score_flags(flagged: np.ndarray, costly: np.ndarray) -> Score:
         OccError: the shapes differ.
     """
     if np.shape(flagged) != np.shape(costly):
-        raise OccError(
+        raise DataError(
             f'{np.shape(flagged)} flags cannot be scored on {np.shape(costly)} true costs; '
             'allowed is one for each'
         )
@@ -124,13 +124,13 @@ def score_rules(rule_set: RuleSet, values: np.ndarray, true_cost: np.ndarray) ->
     rows = rule_set.space.check_rows(values)
     cost = np.asarray(true_cost, dtype=np.float64)
     if cost.shape != (len(rows),):
-        raise OccError(
+        raise DataError(
             f'{len(rows)} samples cannot be scored on true costs of shape {cost.shape}; '
             f'allowed is one for each'
         )
     scored = np.isfinite(cost)
     if not scored.any():
-        raise OccError(f'none of the {len(rows)} samples has a finite true cost to be scored on')
+        raise DataError(f'none of the {len(rows)} samples has a finite true cost to be scored on')
     unscored = int(np.count_nonzero(~scored))
     if unscored:
         rows, cost = rows[scored], cost[scored]

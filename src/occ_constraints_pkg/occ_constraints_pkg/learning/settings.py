@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import Any
 
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError
 
 # Deeper trees could not be written to a file: YAML and JSON schema readers nest with them.
 DEEPEST = 100
@@ -82,20 +82,20 @@ class OCTreeSettings:
 
     def __post_init__(self) -> None:
         if self.clip not in ('mass', 'density'):
-            raise OccError(f"clip is {self.clip!r}; allowed are 'mass' and 'density'")
+            raise ConfigurationError(f"clip is {self.clip!r}; allowed are 'mass' and 'density'")
         self._check_types()
         if self.max_depth is not None and not 0 <= self.max_depth <= DEEPEST:
-            raise OccError(f'max_depth is {self.max_depth}; allowed is 0 to {DEEPEST}')
+            raise ConfigurationError(f'max_depth is {self.max_depth}; allowed is 0 to {DEEPEST}')
         for name in ('contamination', 'gamma', 'beta', 'min_split'):
             value = getattr(self, name)
             if value is None and name == 'contamination':
                 continue
             if not 0.0 <= value < 1.0:
-                raise OccError(f'{name} is {value}; allowed is 0 <= {name} < 1')
+                raise ConfigurationError(f'{name} is {value}; allowed is 0 <= {name} < 1')
         if not 0.0 <= self.alpha <= 1.0:
-            raise OccError(f'alpha is {self.alpha}; allowed is 0 <= alpha <= 1')
+            raise ConfigurationError(f'alpha is {self.alpha}; allowed is 0 <= alpha <= 1')
         if self.nu is not None and not 0.0 <= self.nu <= 1.0:
-            raise OccError(f'nu is {self.nu}; allowed is 0 <= nu <= 1')
+            raise ConfigurationError(f'nu is {self.nu}; allowed is 0 <= nu <= 1')
 
     def _check_types(self) -> None:
         """Refuse what is no number: from Python anything can come."""
@@ -105,4 +105,4 @@ class OCTreeSettings:
                 continue
             if not isinstance(value, kind):
                 what = 'a whole number' if kind is Integral else 'a number'
-                raise OccError(f'{name} is {value!r}; allowed is {what}')
+                raise ConfigurationError(f'{name} is {value!r}; allowed is {what}')

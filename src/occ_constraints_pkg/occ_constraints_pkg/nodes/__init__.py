@@ -7,7 +7,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 
-from occ_constraints_pkg.errors import OccError, import_needed
+from occ_constraints_pkg.errors import ConfigurationError, OccError, import_needed
 from occ_constraints_pkg.nodes.help import asks_for_help, print_help
 from occ_constraints_pkg.ros.environment import check_environment
 from occ_constraints_pkg.stopping import stop_request
@@ -57,7 +57,9 @@ def node_main(name: str) -> Callable[[list[str] | None], int]:
         from occ_constraints_pkg.documents import did_you_mean
 
         hint = did_you_mean(name, NODES) or ';'
-        raise OccError(f'there is no node {name!r}{hint} the nodes are {", ".join(NODES)}')
+        raise ConfigurationError(
+            f'there is no node {name!r}{hint} the nodes are {", ".join(NODES)}'
+        )
     what = f'node {name!r}'
     try:
         return import_needed(what, f'{__name__}.{name}').main
@@ -68,7 +70,7 @@ def node_main(name: str) -> Callable[[list[str] | None], int]:
             raise
         # Most likely it was started outside of the environment that it was installed into.
         reason = str(error).strip().partition('\n')[0]
-        raise OccError(
+        raise ConfigurationError(
             f'{what} cannot be loaded: {reason}; allowed is an installation with all it needs: '
             f'activate its environment (source .venv/bin/activate), or pip install {package}'
         ) from error

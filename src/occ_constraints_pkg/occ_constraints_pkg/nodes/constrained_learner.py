@@ -14,11 +14,11 @@ from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian
 from occ_constraints_pkg.agents.settings import PPOLagrangianConfig
 from occ_constraints_pkg.agents.training import TrainingDirectory
 from occ_constraints_pkg.features.serialized_tables import TableMessage
+from occ_constraints_pkg.ros.competing_publishers import Rivals
 from occ_constraints_pkg.ros.lockstep import Pairing
 from occ_constraints_pkg.ros.messages import table_message
 from occ_constraints_pkg.ros.process import OccNode, run_node
 from occ_constraints_pkg.ros.qos import STEPS, VERDICTS, overridable
-from occ_constraints_pkg.ros.competing_publishers import Rivals
 from occ_constraints_pkg.ros.table_topics import subscribe_to_tables, table_bytes
 from occ_constraints_pkg.ros.tables import action_table, step_batch, training_table
 from occ_constraints_pkg.rules.verdict import Verdict

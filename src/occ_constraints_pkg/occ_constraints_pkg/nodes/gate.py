@@ -11,7 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Twist, TwistStamped
 from rclpy.executors import Executor, SingleThreadedExecutor
 
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.ros.diagnostics import (
     read_judged_at,
     read_verdict,
@@ -125,7 +125,7 @@ class Gate(OccNode):
         )
         names = [source.topic for source in self._sources]
         if len(set(names)) < len(names):
-            raise OccError(
+            raise ConfigurationError(
                 f'violation_topics: got {", ".join(names)}; allowed is each topic only once'
             )
         # What was published last and since when (wall time), and what the log said last and when.

@@ -11,13 +11,13 @@ from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
-from occ_constraints_pkg.rosbag.playback import Playback, is_latched
-from occ_constraints_pkg.rosbag.recording import Recording
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError, OccError
 from occ_constraints_pkg.ros.bag_topics import RCLError, profile_to_play, topic_filter
 from occ_constraints_pkg.ros.messages import message_class, to_time
 from occ_constraints_pkg.ros.process import OccNode, run_node
 from occ_constraints_pkg.ros.qos import SETTLED_LOOKS
+from occ_constraints_pkg.rosbag.playback import Playback, is_latched
+from occ_constraints_pkg.rosbag.recording import Recording
 
 _LOOK_SECONDS = 0.05
 _PLAY_SECONDS = 0.001
@@ -49,7 +49,9 @@ class Player(OccNode):
         )
         self.declared()
         if not bag:
-            raise OccError("parameter 'bag' of node 'player' is missing; give a recording")
+            raise ConfigurationError(
+                "parameter 'bag' of node 'player' is missing; give a recording"
+            )
         recording = Recording(bag)
         for warning in recording.warnings:
             self.get_logger().warning(warning)
@@ -94,7 +96,7 @@ class Player(OccNode):
                     'published there; allowed is the type that this node itself publishes there'
                 )
         if not publishers:
-            raise OccError(
+            raise ConfigurationError(
                 f'{recording.path} has none of the topics to play whose message type is '
                 f'installed; its topics are {", ".join(recording.topics)}'
             )

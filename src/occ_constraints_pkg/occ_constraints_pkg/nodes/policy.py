@@ -10,8 +10,8 @@ from sensor_msgs.msg import PointCloud2
 from occ_constraints_pkg.agents.drivers import check_name, find_driver
 from occ_constraints_pkg.agents.policy import GaussianPolicy
 from occ_constraints_pkg.agents.scripted import Driver
-from occ_constraints_pkg.features.serialized_tables import TableMessage
 from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.features.serialized_tables import TableMessage
 from occ_constraints_pkg.ros.lockstep import Pairing
 from occ_constraints_pkg.ros.process import OccNode, run_node
 from occ_constraints_pkg.ros.qos import STEPS, overridable

@@ -11,14 +11,14 @@ from typing import Any
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
-from occ_constraints_pkg.rosbag.definitions import find_definition
-from occ_constraints_pkg.rosbag.qos import from_profile
-from occ_constraints_pkg.rosbag.writer import FLUSH_SECONDS, BagWriter
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError, OccError
 from occ_constraints_pkg.ros.bag_topics import RCLError, profile_to_record, topic_filter
 from occ_constraints_pkg.ros.messages import message_class
 from occ_constraints_pkg.ros.process import OccNode, run_node
 from occ_constraints_pkg.ros.qos import no_events
+from occ_constraints_pkg.rosbag.definitions import find_definition
+from occ_constraints_pkg.rosbag.qos import from_profile
+from occ_constraints_pkg.rosbag.writer import FLUSH_SECONDS, BagWriter
 
 _LOOK_SECONDS = 0.1
 # Of these, so much is for topics and the rest for messages: to subscribe to thousands takes long.
@@ -54,7 +54,7 @@ class Recorder(OccNode):
         )
         self.declared()
         if not output:
-            raise OccError(
+            raise ConfigurationError(
                 "parameter 'output' of node 'recorder' is missing; "
                 'give the directory of the new bag'
             )

@@ -13,17 +13,17 @@ from geometry_msgs.msg import Twist
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 
+from occ_constraints_pkg.errors import ConfigurationError, OccError
 from occ_constraints_pkg.features.serialized_tables import TableMessage
-from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.ros.messages import to_time
 from occ_constraints_pkg.ros.process import OccNode, run_node
 from occ_constraints_pkg.ros.qos import SENSORS, SETTLED_LOOKS, STEPS, overridable
 from occ_constraints_pkg.ros.sensors import RobotSensors, twist_command
 from occ_constraints_pkg.ros.table_topics import subscribe_to_tables, table_bytes
 from occ_constraints_pkg.ros.tables import observation_table
-from occ_constraints_pkg.worlds.worker_pool import HelperError
 from occ_constraints_pkg.worlds.registry import make_world
 from occ_constraints_pkg.worlds.stream import EpisodeStream, StepBatch
+from occ_constraints_pkg.worlds.worker_pool import HelperError
 
 # How often the node looks whether the subscribers it waits for have come.
 _LOOK_SECONDS = 0.05
@@ -72,7 +72,7 @@ class Sim(OccNode):
         self._waiting: np.ndarray | None = None
         self._message: bytes | None = None
         if by_velocity and (robots > 1 or self._world.view_kinds is None):
-            raise OccError(
+            raise ConfigurationError(
                 f'parameter drive_by_cmd_vel drives one robot of a Safety-Gym task; '
                 f'got {robots} of {name}'
             )
@@ -123,7 +123,7 @@ class Sim(OccNode):
         with self._ignoring_mistakes():
             table = message.table
             if table.names != self._action_names:
-                raise OccError(
+                raise ConfigurationError(
                     f'an action has the columns {", ".join(table.names)}; '
                     f'this world takes {", ".join(self._action_names)}'
                 )

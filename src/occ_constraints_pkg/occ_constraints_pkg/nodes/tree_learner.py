@@ -12,11 +12,11 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from occ_constraints_pkg.datasets.demonstrations import learn_from_files
+from occ_constraints_pkg.errors import ConfigurationError, OccError
 from occ_constraints_pkg.features.extractor import FeatureExtractor
 from occ_constraints_pkg.features.feature_map import load_feature_map
-from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.learning.learn import learn
 from occ_constraints_pkg.learning.guarantee import loss_words, promise_words
+from occ_constraints_pkg.learning.learn import learn
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.ros.arrival import ArrivalClock
 from occ_constraints_pkg.ros.mapped_topics import MappedTopics
@@ -76,12 +76,12 @@ class TreeLearner(OccNode):
         )
         self.declared()
         if calibrate_on and not bags:
-            raise OccError(
+            raise ConfigurationError(
                 "parameter 'calibrate_on' of node 'tree_learner' goes with 'bags' only; allowed "
                 'with live topics is none'
             )
         if not name:
-            raise OccError(
+            raise ConfigurationError(
                 "parameter 'feature_map' of node 'tree_learner' is missing; "
                 'give a YAML file or a built-in name'
             )
@@ -122,7 +122,7 @@ class TreeLearner(OccNode):
         try:
             rows = self._extractor.push(topic, message, now)
             if self._arrival.problem():
-                raise OccError(self._arrival.problem())
+                raise ConfigurationError(self._arrival.problem())
         except OccError as error:
             self.get_logger().error(f'input refused: {error}', throttle_duration_sec=1.0)
             return
@@ -139,7 +139,7 @@ class TreeLearner(OccNode):
     def _on_learn(self, _request: Any, response: Any) -> Any:
         try:
             if not self._rows:
-                raise OccError('no sample has been received yet')
+                raise ConfigurationError('no sample has been received yet')
             with stop_request.interrupting():
                 constraints = learn(
                     np.concatenate(self._rows),

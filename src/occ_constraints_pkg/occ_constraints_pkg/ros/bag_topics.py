@@ -10,8 +10,8 @@ from typing import Any
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from occ_constraints_pkg.rosbag.topic_filter import TopicFilter
 from occ_constraints_pkg.ros.process import OccNode
+from occ_constraints_pkg.rosbag.topic_filter import TopicFilter
 
 RCLError = rclpy_implementation.RCLError
 """Raised by rclpy, among others, for a second type on a topic; it has no public name."""

@@ -8,9 +8,9 @@ import numpy as np
 from rclpy.publisher import Publisher
 from rclpy.subscription import Subscription
 
+from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.features.serialized_tables import TableMessage
 from occ_constraints_pkg.features.table import Table
-from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.ros.process import OccNode
 from occ_constraints_pkg.ros.table_topics import subscribe_to_tables
 

@@ -12,7 +12,7 @@ import time
 from datetime import UTC, datetime
 from importlib.util import find_spec
 
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError
 
 # DDS derives the ports of a domain from its number; higher ones would lie above 65535.
 _LAST_DOMAIN = 232
@@ -51,7 +51,7 @@ def check_clock() -> None:
         if 0 <= now.timestamp() < _END_OF_TIME:
             return
         shown = f'{now:%Y-%m-%d}'
-    raise OccError(
+    raise ConfigurationError(
         f"the system's clock shows {shown}, and ROS can publish nothing then; allowed are dates "
         'from 1970-01-01 to 2038-01-18'
     )
@@ -59,7 +59,7 @@ def check_clock() -> None:
 
 def _check_memory(limit: int) -> None:
     if limit != resource.RLIM_INFINITY and limit < _LEAST_BYTES:
-        raise OccError(
+        raise ConfigurationError(
             f'the address space of this process is limited to {limit // 2**20} MiB; a node needs '
             f'at least {_LEAST_BYTES // 2**20} MiB, see `ulimit -v`'
         )
@@ -68,7 +68,7 @@ def _check_memory(limit: int) -> None:
 def _check_domain(text: str) -> None:
     number = text.strip()
     if number and not (number.isdecimal() and int(number) <= _LAST_DOMAIN):
-        raise OccError(
+        raise ConfigurationError(
             f'ROS_DOMAIN_ID is {text!r}; allowed is a whole number from 0 to {_LAST_DOMAIN}, or '
             'no value, for 0'
         )
@@ -86,7 +86,7 @@ def _check_middleware(name: str) -> None:
     if _can_load(dict(os.environ)) or not _can_load(without):
         return
     package = f'ros-jazzy-{name}'.replace('_', '-')
-    raise OccError(
+    raise ConfigurationError(
         f'RMW_IMPLEMENTATION is {name!r}, which this rclpy cannot load; allowed are a middleware '
         f'that is installed ({package} from apt; rclpy from PyPI has {_DEFAULT_RMW} only), or no '
         'value, for the default'

@@ -14,7 +14,7 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError, OccError
 from occ_constraints_pkg.ros.process import OccNode
 
 
@@ -75,7 +75,9 @@ class ManagedNode(LifecycleNodeMixin, OccNode):
         self._is_starting = True
         for trigger in (self.trigger_configure, self.trigger_activate):
             if trigger() != TransitionCallbackReturn.SUCCESS:
-                raise self._mistake or OccError(f'node {self.get_name()!r} could not be started')
+                raise self._mistake or ConfigurationError(
+                    f'node {self.get_name()!r} could not be started'
+                )
         self._is_starting = False
 
     def configure(self) -> None:

@@ -12,9 +12,9 @@ from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
+from occ_constraints_pkg.errors import ConfigurationError, OccError
 from occ_constraints_pkg.features.feature_map import FeatureMap, topic_key
 from occ_constraints_pkg.features.fields import FieldReader
-from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.ros.messages import message_class
 from occ_constraints_pkg.ros.process import OccNode
 from occ_constraints_pkg.ros.qos import SENSORS, STEPS, no_events, overridable
@@ -58,7 +58,7 @@ class MappedTopics:
         own = {publisher.topic_name for publisher in node.publishers}
         for topic, full_name in self._full_names.items():
             if full_name in own:
-                raise OccError(
+                raise ConfigurationError(
                     f'topic {topic!r} is one that node {node.get_name()!r} publishes itself; '
                     'allowed are topics of others'
                 )
@@ -190,7 +190,7 @@ class MappedTopics:
         is_table, kind = topic in self._tables, message_class(msgtype)
         for other in self._node.subscriptions:
             if other.topic_name == self._full_names[topic] and other.msg_type is not kind:
-                raise OccError(
+                raise ConfigurationError(
                     f'topic {topic!r} is to be read as {msgtype}, but this node reads it as '
                     f'{other.msg_type.__module__.partition(".")[0]}/msg/{other.msg_type.__name__}; '
                     'allowed is one type at a time'
@@ -210,5 +210,7 @@ class MappedTopics:
         # What the layers below rclpy refuse has no common type.
         except (RuntimeError, TypeError, ValueError) as error:
             words = ' '.join(str(error).split())
-            raise OccError(f'cannot subscribe to {topic!r} as {msgtype}: {words}') from error
+            raise ConfigurationError(
+                f'cannot subscribe to {topic!r} as {msgtype}: {words}'
+            ) from error
         self._subscriptions[topic] = msgtype, subscription

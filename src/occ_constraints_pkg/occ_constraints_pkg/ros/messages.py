@@ -20,8 +20,8 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Twist, Vector3
 from sensor_msgs.msg import PointCloud2, PointField
 
+from occ_constraints_pkg.errors import InputError
 from occ_constraints_pkg.features.table import Table
-from occ_constraints_pkg.errors import OccError
 
 _SECOND = 1_000_000_000
 _TYPE_NAME = re.compile(r'(?!\w*__)[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*')
@@ -83,7 +83,7 @@ def message_class(msgtype: str) -> Any:
         OccError: it cannot name a message type, or no installed package provides it.
     """
     if not _TYPE_NAME.fullmatch(msgtype):
-        raise OccError(
+        raise InputError(
             f'{msgtype[:100]!r} is no message type; allowed are names such as std_msgs/msg/String'
         )
     package, _, name = msgtype.split('/')
@@ -91,7 +91,7 @@ def message_class(msgtype: str) -> Any:
     if _is_installed(package):
         kind = getattr(import_module(f'{package}.msg'), name, None)
     if not hasattr(kind, 'get_fields_and_field_types'):
-        raise OccError(
+        raise InputError(
             f'message type {msgtype!r} is not installed; install the ROS package that defines it'
         )
     return kind

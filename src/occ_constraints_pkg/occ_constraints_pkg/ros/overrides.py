@@ -12,7 +12,7 @@ import yaml
 from rclpy.parameter import Parameter
 
 from occ_constraints_pkg.documents import did_you_mean, read_text
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError
 
 ROS_SWITCHES = ('use_sim_time', 'start_type_description_service')
 """Parameters, true or false, that every node has from rclpy."""
@@ -54,11 +54,11 @@ def check_qos_overrides(overrides: Iterable[Parameter]) -> None:
         allowed, value = _POLICIES[match['policy']], item.value
         if allowed:
             if not isinstance(value, str) or value.lower() not in allowed:
-                raise OccError(
+                raise ConfigurationError(
                     f'parameter {item.name!r}: got {value!r}; allowed are {", ".join(allowed)}'
                 )
         elif isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= _MOST_DEPTH:
-            raise OccError(
+            raise ConfigurationError(
                 f'parameter {item.name!r}: got {value!r}; allowed is a whole number from 1 up to '
                 f'{_MOST_DEPTH}'
             )
@@ -94,7 +94,7 @@ def check_unknown(
     for name in ignored:
         hint, allowed = _similar(name, declared)
         if name in ours:
-            raise OccError(
+            raise ConfigurationError(
                 f'node {node!r} has no parameter {name!r}{hint or ";"} allowed are {allowed}'
             )
         if hint:

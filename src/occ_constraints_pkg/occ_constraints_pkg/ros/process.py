@@ -35,7 +35,7 @@ from rclpy.validate_full_topic_name import validate_full_topic_name
 from rclpy.validate_topic_name import validate_topic_name
 
 from occ_constraints_pkg.documents import read_text
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError, OccError
 from occ_constraints_pkg.ros.environment import check_clock
 from occ_constraints_pkg.ros.log import OneLineLogger
 from occ_constraints_pkg.ros.overrides import (
@@ -52,7 +52,7 @@ from occ_constraints_pkg.terminal import printable
 try:
     from rclpy.experimental import EventsExecutor
 except ImportError as error:
-    raise OccError(
+    raise ConfigurationError(
         'the installed rclpy has no events executor; allowed is rclpy from 7.1.4: sudo apt install '
         "--only-upgrade ros-jazzy-rclpy, or pip install -U 'occ_constraints_pkg[ros]'"
     ) from error
@@ -113,7 +113,7 @@ class OccNode(Node):
                 for item in self._parameter_overrides.values()
                 if item.name in ROS_SWITCHES and item.type_ != Parameter.Type.BOOL
             )
-            raise OccError(
+            raise ConfigurationError(
                 f'parameter {wrong.name!r} of node {name!r}: got {wrong.value!r}; allowed is true '
                 'or false'
             ) from error
@@ -184,7 +184,7 @@ class OccNode(Node):
             full_name = self.resolve_topic_name(topic)
             validate_full_topic_name(full_name)
         except (NameValidationException, RuntimeError) as error:
-            raise OccError(
+            raise ConfigurationError(
                 f'{topic!r} cannot name a topic; allowed are letters, digits and _, joined by /, '
                 'and no digit first, up to 247 characters with the namespace'
             ) from error
@@ -247,7 +247,7 @@ class OccNode(Node):
             value = self.declare_parameter(name, given, descriptor).value
         except (InvalidParameterTypeException, InvalidParameterValueException) as error:
             got = self._parameter_overrides[name].value
-            raise OccError(
+            raise ConfigurationError(
                 f'parameter {name!r} of node {self.get_name()!r}: got {got!r}; allowed is '
                 f'{_allowed(default, low, high)} ({description})'
             ) from error
@@ -365,7 +365,7 @@ def run_node(make_node: Callable[[], OccNode], argv: Sequence[str] | None = None
         except (OccError, OSError) as error:
             code = tell(error)
         except NameValidationException as error:
-            code = tell(OccError(f'cannot start: {_one_line(error)}'))
+            code = tell(ConfigurationError(f'cannot start: {_one_line(error)}'))
         except _RCLError as error:
             code = tell(_refusal(error))
         finally:
@@ -420,9 +420,11 @@ def _initialise(argv: list[str]) -> None:
     # rclpy has no public type for a malformed command line.
     except Exception as error:
         reason = _without_places(error)
-        raise OccError(f'the arguments are not understood: {reason}; {allowed}') from error
+        raise ConfigurationError(
+            f'the arguments are not understood: {reason}; {allowed}'
+        ) from error
     if other:
-        raise OccError(f'unknown argument {other[0]!r}; {allowed}, after --ros-args')
+        raise ConfigurationError(f'unknown argument {other[0]!r}; {allowed}, after --ros-args')
 
 
 def _spin(node: OccNode) -> int:
@@ -462,7 +464,7 @@ def _refusal(error: Exception) -> OccError:
         check_clock()
     except OccError as reason:
         return reason
-    return OccError(f'ROS refuses: {_without_places(error)}')
+    return ConfigurationError(f'ROS refuses: {_without_places(error)}')
 
 
 def _one_line(error: Exception) -> str:

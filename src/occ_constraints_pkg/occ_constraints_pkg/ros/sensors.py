@@ -20,7 +20,7 @@ from rclpy.publisher import Publisher
 from sensor_msgs.msg import Imu, LaserScan
 from visualization_msgs.msg import Marker, MarkerArray
 
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.ros.messages import to_time
 from occ_constraints_pkg.ros.process import OccNode
 from occ_constraints_pkg.ros.qos import STEPS, overridable
@@ -128,7 +128,7 @@ def twist_command(message: Twist) -> tuple[float, float]:
     """
     speed, turning = message.linear.x, message.angular.z
     if not (isfinite(speed) and isfinite(turning)):
-        raise OccError(
+        raise ConfigurationError(
             f'a Twist asks for linear.x = {speed} and angular.z = {turning}; allowed are finite '
             'numbers'
         )

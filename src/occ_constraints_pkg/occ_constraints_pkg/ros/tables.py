@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from occ_constraints_pkg.errors import InputError
 from occ_constraints_pkg.features.table import Table
-from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.rules.ruleset import RuleCounts
 from occ_constraints_pkg.rules.verdict import Judgement
 from occ_constraints_pkg.worlds.base import Column
@@ -41,7 +41,7 @@ def step_batch(table: Table) -> StepBatch:
     """
     size = len(STEP_COLUMNS)
     if table.names[-size:] != STEP_COLUMNS:
-        raise OccError(
+        raise InputError(
             f'an observation table must end in the columns {", ".join(STEP_COLUMNS)}; '
             f'this one has {", ".join(table.names)}'
         )

@@ -17,6 +17,7 @@ from mcap import records
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 
+from occ_constraints_pkg.errors import DataError, OccError
 from occ_constraints_pkg.rosbag.mcap_records import (
     DAMAGE,
     HEAD,
@@ -35,7 +36,6 @@ from occ_constraints_pkg.rosbag.storage import (
     TopicInfo,
     with_counts,
 )
-from occ_constraints_pkg.errors import OccError
 
 _MESSAGE_SIZE = 22  # channel (2 bytes), sequence (4), log time (8), publish time (8)
 _FOOTER_SIZE = HEAD.size + 20 + len(MAGIC)
@@ -75,7 +75,7 @@ class McapFile:
             with self._file.open('rb') as file:
                 self._size = os.fstat(file.fileno()).st_size
                 if file.read(len(MAGIC)) != MAGIC:
-                    raise OccError(
+                    raise DataError(
                         f'{path} is not an MCAP file: it does not begin with the MCAP magic'
                     )
                 if not self._read_summary(file):
@@ -85,7 +85,7 @@ class McapFile:
                     self._counts.clear()
                     self._scan(file)
         except OSError as error:
-            raise OccError(f'cannot read {path}: {error.strerror}') from error
+            raise DataError(f'cannot read {path}: {error.strerror}') from error
         topics = {number: self._topic(channel) for number, channel in self._channels.items()}
         self.topics = with_counts(topics, self._counts)
 
@@ -99,7 +99,7 @@ class McapFile:
             with self._file.open('rb') as file:
                 block = self._read(file, segment)
         except OSError as error:
-            raise OccError(f'cannot read {self.path}: {error.strerror}') from error
+            raise DataError(f'cannot read {self.path}: {error.strerror}') from error
         if len(block) and not segment.start_ns <= block.times[0] <= block.times[-1] <= (
             segment.end_ns
         ):
@@ -108,7 +108,7 @@ class McapFile:
 
     def _damage(self, segment: Segment, what: object) -> OccError:
         kind = 'chunk' if segment.chunk else 'part'
-        return OccError(
+        return DataError(
             f'{self.path} is damaged: the {kind} at byte {segment.first} cannot be read ({what})'
         )
 

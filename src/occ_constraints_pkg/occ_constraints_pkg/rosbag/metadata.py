@@ -10,10 +10,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from occ_constraints_pkg.documents import parse_yaml, read_text
+from occ_constraints_pkg.errors import DataError
 from occ_constraints_pkg.rosbag.qos import parse_profiles
 from occ_constraints_pkg.rosbag.storage import TopicInfo
-from occ_constraints_pkg.documents import parse_yaml, read_text
-from occ_constraints_pkg.errors import OccError
 
 _KINDS = {str: 'names', dict: 'topics'}
 # Text that means itself to YAML 1.1 and 1.2 without quotes.
@@ -45,14 +45,14 @@ def read_metadata(path: Path) -> dict[str, Any]:
     document = parse_yaml(read_text(path), str(path))
     metadata = document.get('rosbag2_bagfile_information') if isinstance(document, dict) else None
     if not isinstance(metadata, dict):
-        raise OccError(f'{path} is not the metadata of a rosbag2 recording')
+        raise DataError(f'{path} is not the metadata of a rosbag2 recording')
     version = metadata.get('version')
     if not isinstance(version, int) or not 1 <= version <= 9:
-        raise OccError(f'{path} has version {version!r}; allowed are 1 to 9')
+        raise DataError(f'{path} has version {version!r}; allowed are 1 to 9')
     for key, kind in (('relative_file_paths', str), ('topics_with_message_count', dict)):
         value = metadata.get(key) or []
         if not isinstance(value, list) or not all(isinstance(item, kind) for item in value):
-            raise OccError(f'{path} is damaged: {key} is not a list of {_KINDS[kind]}')
+            raise DataError(f'{path} is damaged: {key} is not a list of {_KINDS[kind]}')
     return metadata
 
 
@@ -65,7 +65,7 @@ def is_compressed_by_message(metadata: dict[str, Any], path: Path) -> bool:
     mode = str(metadata.get('compression_mode') or 'none').lower()
     format_ = str(metadata.get('compression_format') or 'none').lower()
     if mode not in ('none', 'file', 'message') or (mode != 'none' and format_ != 'zstd'):
-        raise OccError(
+        raise DataError(
             f'{path} is compressed with {format_!r} by {mode!r}; '
             "allowed is 'zstd' by file or by message"
         )

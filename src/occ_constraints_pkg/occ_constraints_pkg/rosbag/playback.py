@@ -7,8 +7,8 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 from itertools import chain, dropwhile, takewhile
 
+from occ_constraints_pkg.errors import DataError
 from occ_constraints_pkg.rosbag.recording import RawMessage, Recording, TopicInfo
-from occ_constraints_pkg.errors import OccError
 
 # Published once for whoever comes later, by convention, in bags that do not tell.
 _LATCHED_BY_CUSTOM = ('tf_static', 'robot_description')
@@ -47,7 +47,7 @@ class Playback:
         self._paused = True
         self._rewind(0.0)
         if next(self._from_start(), None) is None:
-            raise OccError(
+            raise DataError(
                 f'{recording.path} has no message to play from {start_offset:g} s after its '
                 'start on; allowed is a smaller start offset'
             )

@@ -14,7 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from occ_constraints_pkg.datasets.dataset import sha256_of
+from occ_constraints_pkg.documents import did_you_mean
+from occ_constraints_pkg.errors import DataError, OccError
+from occ_constraints_pkg.files import sha256_of
 from occ_constraints_pkg.rosbag.mcap_file import McapFile
 from occ_constraints_pkg.rosbag.metadata import (
     is_compressed_by_message,
@@ -38,8 +40,6 @@ from occ_constraints_pkg.rosbag.typestores import (
     find_typestore,
 )
 from occ_constraints_pkg.rosbag.unpacked import ZSTD_SUFFIXES, Unpacked
-from occ_constraints_pkg.documents import did_you_mean
-from occ_constraints_pkg.errors import OccError
 
 _SUFFIXES = ('.mcap', '.db3')
 # Types as ROS 2 named them before its release Dashing, without the part 'msg'.
@@ -92,12 +92,12 @@ class Recording:
         # A name may be too long, the path's or one that metadata.yaml lists.
         except OSError as error:
             where = error.filename or self.path
-            raise OccError(f'cannot read {where}: {error.strerror}') from error
+            raise DataError(f'cannot read {where}: {error.strerror}') from error
         self._message_zstd = is_compressed_by_message(metadata, self.path)
         self._storages = tuple(self._open(file) for file in self.files)
         self.topics = dict(sorted(with_metadata(self._all_topics(), metadata).items()))
         if not self.message_count:
-            raise OccError(f'{self.path} holds no messages; allowed is a recording with some')
+            raise DataError(f'{self.path} holds no messages; allowed is a recording with some')
         promised = metadata.get('message_count')
         if isinstance(promised, int) and promised > self.message_count:
             self.warnings += (
@@ -120,7 +120,7 @@ class Recording:
             if topic.strip('/') == name.strip('/'):
                 return topic
         hint = did_you_mean(f'/{name.strip("/")}', self.topics) or ';'
-        raise OccError(
+        raise DataError(
             f'{self.path} has no topic {name!r}{hint} its topics are {", ".join(self.topics)}'
         )
 
@@ -179,7 +179,7 @@ class Recording:
             yield block
         for name, place in places.items():
             if counts[place] != self.topics[name].count:
-                raise OccError(
+                raise DataError(
                     f'{self.path} is damaged: it has {counts[place]} messages on {name!r} instead '
                     f'of {self.topics[name].count}'
                 )
@@ -196,7 +196,7 @@ class Recording:
             try:
                 block = block.mapped(_unpack_message)
             except ValueError as error:
-                raise OccError(
+                raise DataError(
                     f'{storage.path} is damaged: a compressed message cannot be read ({error})'
                 ) from error
         return block
@@ -222,7 +222,7 @@ class Recording:
         """
         info = self.topics[raw.topic]
         if info.serialization != 'cdr':
-            raise OccError(
+            raise DataError(
                 f'{self.path} has topic {raw.topic!r} serialized as {info.serialization!r}; '
                 "allowed is 'cdr'"
             )
@@ -231,7 +231,7 @@ class Recording:
             return store.deserialize_cdr(raw.data, raw.msgtype)
         # The generated code fails on wrong bytes in whichever way comes first.
         except Exception as error:
-            raise OccError(
+            raise DataError(
                 f'{self.path} has a message on {raw.topic!r} at {raw.log_time_ns} ns whose '
                 f'{len(raw.data)} bytes are not a {raw.msgtype}'
             ) from error
@@ -259,10 +259,10 @@ class Recording:
         """Set :attr:`files`; return what metadata.yaml says, empty where there is none."""
         path = self.path
         if not path.exists():
-            raise OccError(f'there is no recording at {path}')
+            raise DataError(f'there is no recording at {path}')
         if not path.is_dir():
             if not _is_storage(path):
-                raise OccError(
+                raise DataError(
                     f'{path} is not a recording; allowed are rosbag2 directories and files that '
                     f'end in {" or ".join(_SUFFIXES)}'
                 )
@@ -275,14 +275,14 @@ class Recording:
             found = (file for file in path.iterdir() if _is_storage(file))
             names = sorted((file.name for file in found), key=_natural)
             if not names:
-                raise OccError(
+                raise DataError(
                     f'{path} is not a recording: it holds neither a metadata.yaml that lists files '
                     f'nor files that end in {" or ".join(_SUFFIXES)}'
                 )
         self.files = tuple(_as_stored(path / name) for name in names)
         missing = [file.name for file in self.files if not file.is_file()]
         if missing:
-            raise OccError(f'{path} lacks {", ".join(missing)}, which its metadata.yaml lists')
+            raise DataError(f'{path} lacks {", ".join(missing)}, which its metadata.yaml lists')
         return metadata
 
     def _open(self, path: Path) -> StorageFile:
@@ -319,7 +319,7 @@ class Recording:
         for what, first, second in pairs:
             if first != second:
                 found = '' if what == 'definitions' else f', {first!r} and {second!r}'
-                raise OccError(
+                raise DataError(
                     f'{self.path} has topic {topic!r} with two {what}{found}; '
                     'allowed is one for each topic'
                 )
@@ -344,7 +344,7 @@ class Recording:
             if reason
             else ('is neither complete in the bag nor part of ROS 2 Jazzy')
         )
-        return OccError(
+        return DataError(
             f'{self.path} has topic {topic!r} of type {self.topics[topic].msgtype!r}, whose '
             f'definition {what}'
         )

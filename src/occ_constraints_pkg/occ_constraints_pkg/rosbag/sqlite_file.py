@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from occ_constraints_pkg.errors import DataError
 from occ_constraints_pkg.rosbag.qos import parse_profiles
 from occ_constraints_pkg.rosbag.storage import (
     MAX_PIECE_BYTES,
@@ -22,7 +23,6 @@ from occ_constraints_pkg.rosbag.storage import (
     TopicInfo,
     with_counts,
 )
-from occ_constraints_pkg.errors import OccError
 
 MAGIC = b'SQLite format 3\0'
 # Magic, page size, change counter, number of pages, change counter for which that is valid.
@@ -63,9 +63,9 @@ class SqliteFile:
                 # Pages that are missing show only when the bytes of a message are asked for.
                 problem = self._index(database, set(topics), look=is_cut)
         except (sqlite3.Error, ValueError, OverflowError) as error:
-            raise OccError(f'{path} cannot be read: {_reason(error)}') from error
+            raise DataError(f'{path} cannot be read: {_reason(error)}') from error
         except OSError as error:
-            raise OccError(f'cannot read {path}: {error.strerror}') from error
+            raise DataError(f'cannot read {path}: {error.strerror}') from error
         if problem:
             self.warning = (
                 f'{path} is damaged or cut short: {problem}; the {self._counts.total()} complete '
@@ -83,7 +83,7 @@ class SqliteFile:
             with closing(_connect(self._file)) as database:
                 return _load(database, segment)
         except (sqlite3.Error, ValueError, OverflowError) as error:
-            raise OccError(
+            raise DataError(
                 f'{self.path} is damaged: the rows from {segment.first} on cannot be read '
                 f'({_reason(error)})'
             ) from error

@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import DataError
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class TopicFilter:
             try:
                 re.compile(pattern)
             except re.error as error:
-                raise OccError(
+                raise DataError(
                     f'{pattern!r} chooses no topics: {error}; allowed is a regular expression'
                 ) from error
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import zstandard
 
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import DataError
 
 ZSTD_SUFFIXES = ('.zstd', '.zst')
 _ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
@@ -49,7 +49,7 @@ class Unpacked:
                 shutil.copyfile(log, target.with_name(f'{target.name}-wal'))
                 return target, ''
         except OSError as error:
-            raise OccError(f'cannot read {path}: {error.strerror}') from error
+            raise DataError(f'cannot read {path}: {error.strerror}') from error
         return path, ''
 
     def _target(self, path: Path) -> Path:
@@ -76,10 +76,10 @@ def _decompress(path: Path, target: Path) -> str:
                 break
             written += len(block)
             if written > allowed:
-                raise OccError(
+                raise DataError(
                     f'{path} cannot be read: it unpacks to more than {_MOST_GROWTH} times its size'
                 )
             sink.write(block)
     if not written:
-        raise OccError(f'{path} is damaged: nothing of it can be unpacked')
+        raise DataError(f'{path} is damaged: nothing of it can be unpacked')
     return f'{path} is damaged: {problem}; its first {written} bytes are used' if problem else ''

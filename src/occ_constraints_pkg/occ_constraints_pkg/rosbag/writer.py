@@ -13,10 +13,10 @@ from functools import reduce
 from pathlib import Path
 from typing import Any
 
+from occ_constraints_pkg.errors import DataError
 from occ_constraints_pkg.rosbag.definitions import find_definition
 from occ_constraints_pkg.rosbag.mcap_writer import COMPRESSIONS, McapOutput, Span
 from occ_constraints_pkg.rosbag.metadata import dump_plain
-from occ_constraints_pkg.errors import OccError
 
 FLUSH_SECONDS = 0.25
 """Seconds between flushes: half of what a killed recorder may lose, the rest is for delays."""
@@ -76,7 +76,7 @@ class BagWriter:
         custom_data: Mapping[str, str] | None = None,
     ) -> None:
         if compression not in COMPRESSIONS:
-            raise OccError(
+            raise DataError(
                 f'a recording got the compression {compression!r}; '
                 f'allowed are {", ".join(COMPRESSIONS)}'
             )
@@ -93,11 +93,11 @@ class BagWriter:
         try:
             self.directory.mkdir(parents=True)
         except FileExistsError as error:
-            raise OccError(
+            raise DataError(
                 f'{directory} exists already; allowed is a new directory for each recording'
             ) from error
         except OSError as error:
-            raise OccError(f'cannot record to {directory}: {error.strerror}') from error
+            raise DataError(f'cannot record to {directory}: {error.strerror}') from error
         try:
             self._begin_file()
         except OSError as error:
@@ -146,16 +146,16 @@ class BagWriter:
                 is in it is intact.
         """
         if self._closed:
-            raise OccError(f'{self.directory} is closed; nothing more can be recorded to it')
+            raise DataError(f'{self.directory} is closed; nothing more can be recorded to it')
         publish = log_time_ns if publish_time_ns is None else publish_time_ns
         if not (0 <= log_time_ns < 2**63 and 0 <= publish < 2**63):
-            raise OccError(
+            raise DataError(
                 f'a message on {topic!r} got the times {log_time_ns} and {publish} ns; '
                 'allowed are 0 to 2^63 - 1'
             )
         known = self._topics.get(topic)
         if known is not None and known.msgtype != msgtype:
-            raise OccError(
+            raise DataError(
                 f'topic {topic!r} got a {msgtype} after {known.msgtype}; '
                 'allowed is one type for each topic'
             )
@@ -250,11 +250,11 @@ class BagWriter:
             self._write_metadata()
         what = f'recording to {self.directory} ended: {error.strerror}; '
         if not all(os.path.lexists(path) for path in self.paths):
-            raise OccError(
+            raise DataError(
                 f'{what}the directory or a file of it has been removed or renamed, and the '
                 f'{self.message_count} messages before that went with it'
             ) from error
-        raise OccError(f'{what}the {self.message_count} messages before that are kept') from error
+        raise DataError(f'{what}the {self.message_count} messages before that are kept') from error
 
     def _information(self, files: Sequence[McapOutput]) -> dict[str, Any]:
         """Return ``rosbag2_bagfile_information`` of files as rosbag2 writes it in version 9."""

@@ -22,7 +22,7 @@ from occ_constraints_pkg.documents import (
     read_text,
     validate,
 )
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError, OccError
 from occ_constraints_pkg.files import CONSTRAINTS, check_kind, keep_copy, write_text
 from occ_constraints_pkg.rules.rule import Literal, Rule
 from occ_constraints_pkg.rules.ruleset import RuleSet
@@ -126,7 +126,7 @@ def load_constraints(path: str | Path) -> Constraints:
     """
     if Path(path).is_dir() or Path(path).suffix in _DATA_SUFFIXES:
         found = 'a directory, as recordings are' if Path(path).is_dir() else 'a recording or table'
-        raise OccError(
+        raise ConfigurationError(
             f'cannot read {path} as a constraints file: it is {found}; were the arguments swapped?'
         )
     return parse_constraints(read_text(path), str(path))
@@ -212,7 +212,7 @@ def _keep_edited(path: str | Path, is_edited: bool, allowed: bool) -> None:
     if not is_edited:
         return
     if not allowed:
-        raise OccError(
+        raise ConfigurationError(
             f'{path} was edited since it was learned (rules changed, disabled or noted, or '
             'comments added); choose another file, or allow overwriting (--overwrite), which '
             'keeps a copy'
@@ -230,7 +230,9 @@ def parse_constraints(text: str, where: str) -> Constraints:
     if isinstance(document, dict) and 'rules' not in document:
         for key, kind in _OTHER_KINDS.items():
             if key in document:
-                raise OccError(f'{where} is {kind}, not a constraints file, which has rules')
+                raise ConfigurationError(
+                    f'{where} is {kind}, not a constraints file, which has rules'
+                )
     _check_version(document, where)
     validate(document, _SCHEMA, where, text=text)
     try:
@@ -244,7 +246,7 @@ def parse_constraints(text: str, where: str) -> Constraints:
         rule_set = RuleSet(space, rules, demonstrated)
         _check_units(document)
     except (OccError, OverflowError) as error:
-        raise OccError(f'{where}: {error}') from error
+        raise ConfigurationError(f'{where}: {error}') from error
     return Constraints(
         rule_set,
         document.get('feature_map'),
@@ -260,7 +262,7 @@ def _check_version(document: Any, where: str) -> None:
     """Refuse a newer file by its version; else its first new key would look like a slip."""
     version = document.get('schema_version') if isinstance(document, dict) else None
     if isinstance(version, int) and version > SCHEMA_VERSION:
-        raise OccError(
+        raise ConfigurationError(
             f'{where}: schema_version: got {version}, written by a newer occ_constraints_pkg; '
             f'allowed here is {SCHEMA_VERSION}'
         )
@@ -287,7 +289,7 @@ def _check_units(document: Mapping[str, Any]) -> None:
                 else (item['name'] == name)
             )
             if is_meant and entry['unit'] != item['unit']:
-                raise OccError(
+                raise ConfigurationError(
                     f'features[{index}].unit: got {item["unit"]!r}, but feature_map gives '
                     f'{item["name"]} in {entry["unit"]!r}; allowed is the same unit in both, as '
                     'rules mean the numbers that the map gives'
@@ -321,13 +323,13 @@ def _literals(items: list[dict[str, Any]], where: str, space: FeatureSpace) -> I
         name = item['feature']
         if name not in space.names:
             hint = did_you_mean(name, space.names) or ';'
-            raise OccError(
+            raise ConfigurationError(
                 f'{where}[{index}].feature: got {name!r}{hint} allowed are {", ".join(space.names)}'
             )
         try:
             yield Literal(space.index(name), item['operator'], float(item['bound']))
         except OccError as error:
-            raise OccError(f'{where}[{index}].{error}') from error
+            raise ConfigurationError(f'{where}[{index}].{error}') from error
 
 
 def _rule_document(rule: Rule, space: FeatureSpace) -> dict[str, Any]:

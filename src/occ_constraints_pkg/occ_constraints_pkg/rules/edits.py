@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from occ_constraints_pkg.documents import did_you_mean
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError, OccError
 from occ_constraints_pkg.rules.rule import Literal, Rule
 from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.rules.space import FeatureSpace
@@ -55,14 +55,14 @@ class RuleEdits:
     def __post_init__(self) -> None:
         both = sorted(set(self.disabled) & set(self.enabled))
         if both:
-            raise OccError(
+            raise ConfigurationError(
                 f'rule {both[0]!r} is to be enabled and disabled; allowed is one of them'
             )
         moved = [(item.rule, item.feature, item.operator) for item in self.bounds]
         twice = next((one for one in moved if moved.count(one) > 1), None)
         if twice is not None:
             rule, feature, operator = twice
-            raise OccError(
+            raise ConfigurationError(
                 f'the bound {feature} {operator} of rule {rule!r} is to be moved twice; allowed is '
                 'once'
             )
@@ -90,7 +90,9 @@ class RuleEdits:
         for name in (*self.disabled, *self.enabled, *(item.rule for item in self.bounds)):
             if name not in ids:
                 hint = did_you_mean(name, ids) or ';'
-                raise OccError(f'there is no rule {name!r}{hint} the rules are {", ".join(ids)}')
+                raise ConfigurationError(
+                    f'there is no rule {name!r}{hint} the rules are {", ".join(ids)}'
+                )
         rules = tuple(self._rule(rule, rule_set.space) for rule in rule_set.rules)
         return replace(rule_set, rules=rules)
 
@@ -128,7 +130,9 @@ def _moved(
     ]
     if not any(fits):
         own = ', '.join(f'{space.names[one.feature]} {one.operator}' for one in literals)
-        raise OccError(f'rule {name!r} has no literal {item.feature} {item.operator}; it has {own}')
+        raise ConfigurationError(
+            f'rule {name!r} has no literal {item.feature} {item.operator}; it has {own}'
+        )
     return tuple(
         replace(literal, bound=item.bound) if fit else literal
         for literal, fit in zip(literals, fits, strict=True)
@@ -143,4 +147,4 @@ def _bound(text: str) -> MovedBound:
         rule, feature, operator, number = found.groups()
         return MovedBound(rule, feature, operator, Literal(0, operator, float(number)).bound)
     except (ValueError, OccError):
-        raise OccError(f'a moved bound is {text!r}; allowed is {_BOUND_FORM}') from None
+        raise ConfigurationError(f'a moved bound is {text!r}; allowed is {_BOUND_FORM}') from None

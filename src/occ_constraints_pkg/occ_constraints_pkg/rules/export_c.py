@@ -10,7 +10,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.rules.ruleset import RuleSet
 
 _HEADER = """\
@@ -114,7 +114,7 @@ def export_c(rule_set: RuleSet, prefix: str = 'occ') -> str:
         OccError: the prefix is no C identifier in lower case.
     """
     if not re.fullmatch(r'[a-z][a-z0-9_]*', prefix):
-        raise OccError(
+        raise ConfigurationError(
             f'prefix {prefix!r}: allowed are lower-case letters, digits and _, a letter first'
         )
     space, rules = rule_set.space, rule_set.rules

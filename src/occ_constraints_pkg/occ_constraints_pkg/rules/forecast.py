@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.rules.verdict import Verdict
 
@@ -59,7 +59,9 @@ class Forecaster:
 
     def __init__(self, rule_set: RuleSet, window: float = WINDOW_SECONDS) -> None:
         if not 0.0 < window < math.inf:
-            raise OccError(f'window: got {window}; allowed is a number of seconds above 0')
+            raise ConfigurationError(
+                f'window: got {window}; allowed is a number of seconds above 0'
+            )
         self._rules = rule_set
         self._rows = _Window(len(rule_set.space), window)
         self._table = rule_set.table

@@ -8,7 +8,7 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.rules.verdict import Verdict
 
 # Seconds by which a publisher's clock may be ahead of this computer's.
@@ -38,7 +38,7 @@ class Debounce:
 
     def __init__(self, trigger_count: int, trigger_window: int, release_count: int) -> None:
         if not 1 <= trigger_count <= trigger_window or release_count < 1:
-            raise OccError(
+            raise ConfigurationError(
                 f'trigger_count {trigger_count} of trigger_window {trigger_window}, release_count '
                 f'{release_count}: allowed are counts from 1 on, and a window of at least '
                 'trigger_count'
@@ -125,7 +125,7 @@ class GateSettings:
         if not (
             self.slow_margin >= 0.0 and 0.0 <= self.min_speed_scale <= 1.0 and self.timeout > 0.0
         ):
-            raise OccError(
+            raise ConfigurationError(
                 f'slow_margin {self.slow_margin}, min_speed_scale {self.min_speed_scale}, timeout '
                 f'{self.timeout}: allowed are a margin from 0 on, a part from 0 to 1, and a time '
                 'above 0 s'

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import DataError, OccError
 from occ_constraints_pkg.files import COUNTS, read_bytes, replacing
 from occ_constraints_pkg.rules.ruleset import RuleCounts, RuleSet
 from occ_constraints_pkg.rules.verdict import Judgement
@@ -94,7 +94,7 @@ class KeptCounts(RuleCounts):
                 if target.is_file():
                     target.replace(_free_name(f'{self._path}.{self._other}'))
             except OSError as error:
-                raise OccError(f'cannot write {self._path}: {error.strerror or error}') from error
+                raise DataError(f'cannot write {self._path}: {error.strerror or error}') from error
         self._other = ''
         # The disk is not waited for: a monitor writes this each second beside its judging.
         with replacing(self._path, COUNTS, durable=False) as draft:
@@ -171,12 +171,12 @@ def read_counts(path: str | Path, rule_set: RuleSet) -> RuleCounts:
         OccError: it cannot be read, is no file of counters, or counts other rules.
     """
     if not os.path.exists(path):
-        raise OccError(f'cannot read {path}: there is no such file')
+        raise DataError(f'cannot read {path}: there is no such file')
     counts = KeptCounts(rule_set, path)
     if counts.problem:
-        raise OccError(counts.problem)
+        raise DataError(counts.problem)
     if not counts.resumed:
-        raise OccError(
+        raise DataError(
             f'{path} counts other rules; allowed are counters of the rule set '
             f'{rule_set.fingerprint}, as a monitor writes them to its counts_file'
         )

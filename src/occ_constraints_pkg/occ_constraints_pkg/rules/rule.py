@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.rules.space import FeatureSpace
 from occ_constraints_pkg.terminal import printable
 
@@ -41,11 +41,11 @@ class Literal:
 
     def __post_init__(self) -> None:
         if self.operator not in OPERATORS:
-            raise OccError(
+            raise ConfigurationError(
                 f'operator {self.operator!r} is not known; allowed are {" ".join(OPERATORS)}'
             )
         if not math.isfinite(self.bound):
-            raise OccError(f'bound: got {self.bound}; allowed is a finite number')
+            raise ConfigurationError(f'bound: got {self.bound}; allowed is a finite number')
 
     @property
     def is_upper(self) -> bool:
@@ -137,7 +137,7 @@ class Rule:
 
     def __post_init__(self) -> None:
         if not self.literals:
-            raise OccError(f'rule {self.id!r} has no literal; it would flag everything')
+            raise ConfigurationError(f'rule {self.id!r} has no literal; it would flag everything')
 
     def holds(self, rows: np.ndarray) -> np.ndarray:
         """Tell for each of (n, k) samples whether the rule is true: (n,) bool."""

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.rules.columns import Columns
 from occ_constraints_pkg.rules.formula import Disjunction, factor
 from occ_constraints_pkg.rules.rule import Literal, Rule
@@ -53,28 +53,28 @@ class RuleSet:
     def __post_init__(self) -> None:
         shape = np.shape(self.demonstrated)
         if shape != (len(self.space), 2):
-            raise OccError(
+            raise ConfigurationError(
                 f'demonstrated ranges must be of shape ({len(self.space)}, 2), got {shape}'
             )
         ids = [rule.id for rule in self.rules]
         if len(set(ids)) != len(ids):
             twice = next(item for item in ids if ids.count(item) > 1)
-            raise OccError(f'rule id {twice!r} is used twice; ids must be unique')
+            raise ConfigurationError(f'rule id {twice!r} is used twice; ids must be unique')
         for name, (low, high) in zip(self.space.names, self.demonstrated, strict=True):
             if not -np.inf < low <= high < np.inf:
-                raise OccError(
+                raise ConfigurationError(
                     f'feature {name!r} has the demonstrated range [{low}, {high}]; allowed are '
                     'two finite numbers, the smaller first'
                 )
         for rule in self.rules:
             for literal in rule.literals:
                 if not 0 <= literal.feature < len(self.space):
-                    raise OccError(
+                    raise ConfigurationError(
                         f'rule {rule.id!r} speaks of feature {literal.feature}; allowed are 0 to '
                         f'{len(self.space) - 1}'
                     )
             if rule.enabled and rule.is_contradictory:
-                raise OccError(
+                raise ConfigurationError(
                     f'rule {rule.id!r} can never be true: {rule.formula(self.space)}; allowed '
                     'are literals that hold together, or the rule disabled'
                 )

@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError
 
 
 @dataclass(frozen=True)
@@ -45,13 +45,13 @@ class FeatureSpace:
 
     def __post_init__(self) -> None:
         if not self.features:
-            raise OccError('a feature space needs at least one feature, got none')
+            raise ConfigurationError('a feature space needs at least one feature, got none')
         if len(set(self.names)) != len(self.names):
             twice = next(name for name in self.names if self.names.count(name) > 1)
-            raise OccError(f'feature {twice!r} is named twice; names must be unique')
+            raise ConfigurationError(f'feature {twice!r} is named twice; names must be unique')
         for feature in self.features:
             if not (feature.low <= feature.high and feature.low < np.inf > -feature.high):
-                raise OccError(
+                raise ConfigurationError(
                     f'feature {feature.name!r} has bounds [{feature.low}, {feature.high}]; '
                     'allowed are two numbers with at least one finite value from low to high'
                 )
@@ -59,7 +59,7 @@ class FeatureSpace:
             first = self.features[members[0]]
             for other in (self.features[index] for index in members[1:]):
                 if (other.unit, other.low, other.high) != (first.unit, first.low, first.high):
-                    raise OccError(
+                    raise ConfigurationError(
                         f'features {first.name!r} and {other.name!r} of family {first.family!r} '
                         'differ in unit or bounds; members of a family share both'
                     )
@@ -109,7 +109,9 @@ class FeatureSpace:
         try:
             return self.names.index(name)
         except ValueError:
-            raise OccError(f'no feature {name!r}; there are {", ".join(self.names)}') from None
+            raise ConfigurationError(
+                f'no feature {name!r}; there are {", ".join(self.names)}'
+            ) from None
 
     def check_rows(self, values: np.ndarray) -> np.ndarray:
         """Return ``values`` as (n, k) float64.
@@ -119,7 +121,7 @@ class FeatureSpace:
         """
         rows = np.asarray(values, dtype=np.float64)
         if rows.ndim != 2 or rows.shape[1] != len(self):
-            raise OccError(
+            raise ConfigurationError(
                 f'expected rows of {len(self)} features ({", ".join(self.names)}), '
                 f'got an array of shape {rows.shape}'
             )

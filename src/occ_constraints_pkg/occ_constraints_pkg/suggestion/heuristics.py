@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from occ_constraints_pkg.suggestion.inspection import TopicSurvey
-from occ_constraints_pkg.features.table import Table
-from occ_constraints_pkg.suggestion.statistics import FeatureYield
 from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.features.table import Table
+from occ_constraints_pkg.suggestion.inspection import TopicSurvey
+from occ_constraints_pkg.suggestion.statistics import FeatureYield
 
 _SECTORS = 8
 # A scan that covers at least this many degrees is taken to look all around.

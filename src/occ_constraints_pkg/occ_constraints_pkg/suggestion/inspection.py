@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.features.fields import field_names, header_stamp_ns
 from occ_constraints_pkg.rosbag.recording import Recording
-from occ_constraints_pkg.errors import OccError
 
 # Packages whose messages are about the ROS graph or for viewers, not about the robot's state.
 _NOT_SENSORS = frozenset(

@@ -9,11 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from occ_constraints_pkg.features.extractor import FeatureExtractor, rows_of
+from occ_constraints_pkg.datasets.extraction import rows_of
+from occ_constraints_pkg.errors import DataError
+from occ_constraints_pkg.features.extractor import FeatureExtractor
 from occ_constraints_pkg.features.feature_map import FeatureMap, topic_key
-from occ_constraints_pkg.rosbag.recording import Recording
 from occ_constraints_pkg.features.sources import FeatureSource
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.rosbag.recording import Recording
 
 # A feature that cannot be judged in more than this share of the rows is a problem.
 TOLERATED_SHARE = 0.05
@@ -126,7 +127,7 @@ def inspect(
         row = [np.nan if age[topic] is None else float(age[topic]) for topic in topics]
         ages.append(np.broadcast_to(row, (len(rows.values), len(topics))))
     if not values:
-        raise OccError(
+        raise DataError(
             f'{recording.path} gives no row: nothing came on '
             f'{feature_map.pace or ", ".join(feature_map.topics)}'
         )

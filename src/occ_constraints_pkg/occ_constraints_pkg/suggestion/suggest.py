@@ -9,12 +9,12 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
+from occ_constraints_pkg.errors import DataError
 from occ_constraints_pkg.features.feature_map import FeatureMap
-from occ_constraints_pkg.suggestion.heuristics import KINDS, Candidate, candidates_of, nice_below
 from occ_constraints_pkg.rosbag.recording import Recording
+from occ_constraints_pkg.suggestion.heuristics import KINDS, Candidate, candidates_of, nice_below
 from occ_constraints_pkg.suggestion.inspection import TopicSurvey, survey
 from occ_constraints_pkg.suggestion.statistics import MapYield, inspect
-from occ_constraints_pkg.errors import OccError
 
 # A feature that is missing in a larger share of the rows is suggested in a comment only.
 _MISSING_SHARE = 0.2
@@ -67,7 +67,7 @@ def suggest(
     candidates.sort(key=lambda item: KINDS.index(item.kind))
     _set_aside(candidates)
     if not any(not item.aside for item in candidates):
-        raise OccError(
+        raise DataError(
             f'{recording.path} has no topic of which features can be suggested (velocities of an '
             'Odometry, ranges of a LaserScan, accelerations of an Imu, a Twist or a table, ten '
             'messages or more); its topics are '
@@ -79,7 +79,7 @@ def suggest(
     used = [item for item in candidates if not item.aside]
     if not used:
         reasons = '; '.join(f'{item.entry["name"]}: {item.aside}' for item in candidates)
-        raise OccError(f'{recording.path} has no feature that can be used: {reasons}')
+        raise DataError(f'{recording.path} has no feature that can be used: {reasons}')
     pace, max_age = _alignment(used)
     seen = inspect(recording, _map(used, pace, max_age), progress=progress)
     named = {item.topic.name for item in candidates}

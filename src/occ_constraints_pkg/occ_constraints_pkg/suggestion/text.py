@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from occ_constraints_pkg.suggestion.heuristics import Candidate
-from occ_constraints_pkg.suggestion.suggest import Suggestion
 from occ_constraints_pkg.suggestion.statistics import FeatureYield, MapYield
+from occ_constraints_pkg.suggestion.suggest import Suggestion
 from occ_constraints_pkg.terminal import printable
 
 _WIDTH = 98

@@ -20,11 +20,11 @@ from zipfile import BadZipFile
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from occ_constraints_pkg.traffic.trajectories import Drives
+from occ_constraints_pkg.errors import DataError
+from occ_constraints_pkg.files import open_regular
 from occ_constraints_pkg.traffic.plausible import LARGEST, check_motion
 from occ_constraints_pkg.traffic.recorded import FARTHEST
-from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.files import open_regular
+from occ_constraints_pkg.traffic.trajectories import Drives
 
 _RADAR, _SPEED = 'processed_log/CAN/radar', 'processed_log/CAN/speed'
 _POSE = 'global_pose/frame_'
@@ -50,7 +50,7 @@ def read_comma2k19(path: Path, progress: Callable[[int, int], None] | None = Non
         OccError: an array is missing, damaged or of the wrong shape, or speeds are not in m/s.
     """
     if not path.is_dir():
-        raise OccError(f'{path} is no directory; allowed is the directory of a segment')
+        raise DataError(f'{path} is no directory; allowed is the directory of a segment')
     times = _array(path, f'{_POSE}times', (None,))
     gps = _array(path, f'{_POSE}gps_times', (len(times), 2))
     positions = _array(path, f'{_POSE}positions', (len(times), 3))
@@ -62,12 +62,12 @@ def read_comma2k19(path: Path, progress: Callable[[int, int], None] | None = Non
     for name, column in ((f'{_POSE}times', times), (f'{_SPEED}/t', speed_times)):
         if (np.diff(column) <= 0.0).any():
             row = int(np.argmax(np.diff(column) <= 0.0)) + 1
-            raise OccError(f'{path / name}, row {row}: the time does not grow; allowed is growing')
+            raise DataError(f'{path / name}, row {row}: the time does not grow; allowed is growing')
     inside = (times >= speed_times[0]) & (times <= speed_times[-1])
     if not inside.any():
-        raise OccError(f'{path}: camera and speed were not recorded at the same time')
+        raise DataError(f'{path}: camera and speed were not recorded at the same time')
     if len(radar_times) and not ((times >= radar_times[0]) & (times <= radar_times[-1])).any():
-        raise OccError(f'{path}: camera and radar were not recorded at the same time')
+        raise DataError(f'{path}: camera and radar were not recorded at the same time')
     speed = np.interp(times, speed_times, speeds)
     check_motion(
         f'{path / _SPEED}/value',
@@ -108,26 +108,26 @@ def _array(
         with open_regular(file) as stream:
             array = np.load(stream, allow_pickle=False)
     except OSError as error:
-        raise OccError(f'cannot read {file}: {error.strerror or "it is no array"}') from error
+        raise DataError(f'cannot read {file}: {error.strerror or "it is no array"}') from error
     except (ValueError, TypeError, ArithmeticError, MemoryError, EOFError, BadZipFile) as error:
-        raise OccError(
+        raise DataError(
             f'{file} is damaged or no array of numbers; allowed is what numpy.save writes'
         ) from error
     if not isinstance(array, np.ndarray) or array.dtype.kind not in 'iuf':
-        raise OccError(f'{file} is no array of numbers; allowed is what numpy.save writes')
+        raise DataError(f'{file} is no array of numbers; allowed is what numpy.save writes')
     fits = len(array.shape) == len(shape) and all(
         want in (None, got) for want, got in zip(shape, array.shape, strict=True)
     )
     if not fits or not (array.size or empty):
         wanted = ', '.join('rows' if size is None else str(size) for size in shape)
-        raise OccError(f'{file} has the shape {array.shape}; allowed is ({wanted})')
+        raise DataError(f'{file} has the shape {array.shape}; allowed is ({wanted})')
     array = array.astype(np.float64)
     table = array.reshape(len(array), array.shape[1] if array.ndim > 1 else 1)
     finite = np.abs(table) <= LARGEST
     finite[:, list(nan)] = True
     if not finite.all():
         row, column = np.argwhere(~finite)[0]
-        raise OccError(
+        raise DataError(
             f'{file}, row {row}, column {column}: got {table[row, column]:g}; '
             f'allowed is a number of at most {LARGEST:g}'
         )

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from occ_constraints_pkg.errors import DataError
 from occ_constraints_pkg.traffic.lanelets import Lanelet, RoadMap
 from occ_constraints_pkg.traffic.neighbours import gaps_by_lane, standing_inside
 from occ_constraints_pkg.traffic.plausible import (
@@ -26,7 +27,6 @@ from occ_constraints_pkg.traffic.plausible import (
 )
 from occ_constraints_pkg.traffic.recorded import Traffic
 from occ_constraints_pkg.traffic.xml_file import XmlFile
-from occ_constraints_pkg.errors import OccError
 
 _VERSIONS = ('2018b', '2020a')
 _VEHICLES = ('car', 'truck', 'bus', 'motorcycle', 'priorityVehicle', 'taxi')
@@ -68,7 +68,7 @@ def read_commonroad(path: Path, progress: Callable[[int, int], None] | None = No
         blocks.append(np.column_stack([np.full(len(states), vehicle), states]))
         shapes.append(_size(file, element))
     if not blocks:
-        raise OccError(f'{path} has no moving vehicles; allowed are one or more')
+        raise DataError(f'{path} has no moving vehicles; allowed are one or more')
     rows = np.concatenate(blocks)
     size = np.repeat(shapes, [len(block) for block in blocks], axis=0)
     return _traffic(file, dict(vehicles), rows, size, step, road, left_out)
@@ -99,7 +99,7 @@ def _traffic(
     on_road = placed.lane >= 0
     warnings = [f'{path}: {count} {kind} left out' for kind, count in left_out.items()]
     if not on_road.any():
-        raise OccError(f'{path}: no vehicle is on a lanelet; allowed are one or more')
+        raise DataError(f'{path}: no vehicle is on a lanelet; allowed are one or more')
     if not on_road.all():
         warnings.append(
             f'{path}: {np.sum(~on_road)} of {len(rows)} rows left out, in which a vehicle is '

@@ -10,12 +10,12 @@ from importlib import import_module
 from pathlib import Path
 
 from occ_constraints_pkg import __version__
-from occ_constraints_pkg.datasets.dataset import sha256_of
+from occ_constraints_pkg.errors import DataError
 from occ_constraints_pkg.features.feature_map import load_feature_map
-from occ_constraints_pkg.traffic.trajectories import Drives, write_drives
+from occ_constraints_pkg.files import sha256_of
 from occ_constraints_pkg.traffic.formats import FORMATS
 from occ_constraints_pkg.traffic.recorded import drives_of
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.traffic.trajectories import Drives, write_drives
 
 _MAPS = ('highway', 'highway_road', 'highway_following')
 
@@ -63,7 +63,7 @@ def import_drives(
             nothing is.
     """
     if Path(output).exists():
-        raise OccError(f'{output} exists already; allowed is a new directory for each recording')
+        raise DataError(f'{output} exists already; allowed is a new directory for each recording')
     drives = read_drives(format_name, path, keep_gaps=keep_gaps, progress=progress)
     write_drives(drives, Path(output), progress=progress)
     seconds = (drives.stamps_ns[-1] - drives.start_ns) / 1e9 - (len(drives.beginnings) - 1)
@@ -92,10 +92,10 @@ def read_drives(
         OccError: the input is not of that format or is damaged.
     """
     if format_name not in FORMATS:
-        raise OccError(f'got the format {format_name!r}; allowed are {", ".join(FORMATS)}')
+        raise DataError(f'got the format {format_name!r}; allowed are {", ".join(FORMATS)}')
     chosen, path = FORMATS[format_name], Path(path)
     if keep_gaps and not chosen.shows_traffic:
-        raise OccError(f'the format {format_name} shows one car, so there are no gaps to keep')
+        raise DataError(f'the format {format_name} shows one car, so there are no gaps to keep')
     module = import_module(f'{__package__}.{chosen.reader.removeprefix("read_")}')
     found = getattr(module, chosen.reader)(path, progress)
     drives = drives_of(found, str(path), keep_gaps=keep_gaps) if chosen.shows_traffic else found

@@ -13,10 +13,10 @@ from typing import NoReturn, TextIO
 import numpy as np
 
 from occ_constraints_pkg.datasets.csv_cells import is_blank, parse_cells, parse_quickly
-from occ_constraints_pkg.traffic.plausible import LARGEST
 from occ_constraints_pkg.documents import did_you_mean
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import DataError
 from occ_constraints_pkg.files import open_regular
+from occ_constraints_pkg.traffic.plausible import LARGEST
 
 _REPORT_EVERY = 10_000
 
@@ -71,12 +71,12 @@ class CsvFile:
                 else:
                     table = table[:, places]
         except OSError as error:
-            raise OccError(f'cannot read {path}: {error.strerror}') from error
+            raise DataError(f'cannot read {path}: {error.strerror}') from error
         except (UnicodeDecodeError, csv.Error) as error:
             reason = 'it is not UTF-8 text' if isinstance(error, UnicodeDecodeError) else error
-            raise OccError(f'cannot read {path}: {reason}') from error
+            raise DataError(f'cannot read {path}: {reason}') from error
         if not len(table):
-            raise OccError(f'{path} has no rows; allowed are one or more')
+            raise DataError(f'{path} has no rows; allowed are one or more')
         for name in texts:
             self._texts[name] = [row[header.index(name)] for row in rows]
         for name, column in zip(names, table.T, strict=True):
@@ -96,7 +96,7 @@ class CsvFile:
         Raises:
             OccError: always.
         """
-        raise OccError(f'{self.path}, line {self._line(row)}, column {column!r}: {sentence}')
+        raise DataError(f'{self.path}, line {self._line(row)}, column {column!r}: {sentence}')
 
     def check(self, wrong: np.ndarray, column: str, allowed: str) -> None:
         """Refuse the first row of a (rows,) bool mask.
@@ -114,7 +114,7 @@ class CsvFile:
             what = 'not one column' if name in header else 'no column'
             # What is no header at all may be long, and a quoted name may hold a line break.
             columns = ' '.join(', '.join(header).split())[:300]
-            raise OccError(
+            raise DataError(
                 f'{self.path}, line 1: there is {what} {name!r}{hint} the columns are {columns}'
             )
 

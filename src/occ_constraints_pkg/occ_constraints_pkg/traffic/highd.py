@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from occ_constraints_pkg.errors import DataError
 from occ_constraints_pkg.traffic.csv_file import CsvFile
 from occ_constraints_pkg.traffic.neighbours import standing_inside
 from occ_constraints_pkg.traffic.plausible import (
@@ -25,7 +26,6 @@ from occ_constraints_pkg.traffic.plausible import (
     is_length,
 )
 from occ_constraints_pkg.traffic.recorded import Traffic
-from occ_constraints_pkg.errors import OccError
 
 _ENDING = '_tracks.csv'
 _NUMBERS = ('x', 'y', 'width', 'height', 'xVelocity', 'yVelocity')
@@ -63,7 +63,7 @@ def read_highd(path: Path, progress: Callable[[int, int], None] | None = None) -
             column.
     """
     if not path.name.endswith(_ENDING):
-        raise OccError(f'{path} is no file of tracks; allowed is a name that ends in {_ENDING}')
+        raise DataError(f'{path} is no file of tracks; allowed is a name that ends in {_ENDING}')
     number = path.name.removesuffix(_ENDING)
     recording = _read_recording(path.with_name(f'{number}_recordingMeta.csv'))
     meta = CsvFile(

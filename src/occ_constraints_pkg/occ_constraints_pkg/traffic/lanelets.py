@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from occ_constraints_pkg.errors import DataError
 from occ_constraints_pkg.traffic.neighbours import ELSEWHERE, LEFT, RIGHT, SAME
 from occ_constraints_pkg.traffic.plausible import check_lane_width
 from occ_constraints_pkg.traffic.reference_line import ReferenceLine
-from occ_constraints_pkg.errors import OccError
 
 # A vehicle that is further from every lanelet than this has left the recorded stretch of road.
 _FARTHEST_ALONG_M, _FARTHEST_BESIDE_M = 1.0, 4.0
@@ -118,7 +118,7 @@ class RoadMap:
         if number is None:
             return -1
         if number not in self._places:
-            raise OccError(f'{lanelet.where} refers to lanelet {number}, which is not there')
+            raise DataError(f'{lanelet.where} refers to lanelet {number}, which is not there')
         return self._places[number]
 
     def _components(self) -> list[list[int]]:
@@ -141,7 +141,7 @@ class RoadMap:
         seen = {place}
         while (following := beside[place]) >= 0:
             if following in seen:
-                raise OccError(
+                raise DataError(
                     f'{self._lanelets[following].where} lies beside itself; '
                     'allowed are lanes from left to right'
                 )
@@ -154,7 +154,7 @@ class RoadMap:
         try:
             line = ReferenceLine(np.concatenate([self._lanelets[i].left for i in chain]))
         except ValueError as error:
-            raise OccError(
+            raise DataError(
                 f'{self._lanelets[chain[0]].where}: it and what follows it turn back; '
                 'allowed are the lanes of a highway'
             ) from error
@@ -183,7 +183,7 @@ class RoadMap:
                     ready.append(earlier)
         if len(length) < len(members):
             first = next(i for i in members if i not in length)
-            raise OccError(
+            raise DataError(
                 f'{self._lanelets[first].where} leads back to itself or to lanes that do; '
                 'allowed is a road with a beginning and an end'
             )
@@ -216,7 +216,7 @@ class RoadMap:
             if self.beside[first, second] != SAME and not shared and not forked:
                 one, other = road.bands[first], road.bands[second]
                 if one.overlaps(other):
-                    raise OccError(
+                    raise DataError(
                         f'{self._lanelets[second].where} overlaps lanelet '
                         f'{self._lanelets[first].id} for more than half of their common way; '
                         'allowed are lanes beside one another'
@@ -258,7 +258,7 @@ def _band(line: ReferenceLine, lanelet: Lanelet) -> _Band:
     for bound in (lanelet.left, lanelet.right):
         along, left, _ = line.locate(bound)
         if along[-1] - along[0] < _SHORTEST_M or (np.diff(along) < -_BACKWARDS_M).any():
-            raise OccError(
+            raise DataError(
                 f'{lanelet.where} does not lead the way of the lanes beside and before it; '
                 'allowed are the lanes of a highway'
             )
@@ -269,7 +269,7 @@ def _band(line: ReferenceLine, lanelet: Lanelet) -> _Band:
     low, high = band.sides(np.linspace(begin, end, _SAMPLES))
     width = float(np.median(high - low))
     if width < 0.0:
-        raise OccError(
+        raise DataError(
             f'{lanelet.where}: its leftBound lies to the right of its rightBound; '
             'allowed are bounds as seen in the direction of travel'
         )

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from occ_constraints_pkg.errors import DataError
 from occ_constraints_pkg.traffic.neighbours import (
     gaps_by_lane,
     lanes_in_a_row,
@@ -33,7 +34,6 @@ from occ_constraints_pkg.traffic.plausible import (
     is_length,
 )
 from occ_constraints_pkg.traffic.recorded import Traffic
-from occ_constraints_pkg.errors import OccError
 
 _TABLES = {
     'Spec': ('key', 'value'),
@@ -65,9 +65,9 @@ def read_ngsim_sqlite(path: Path, progress: Callable[[int, int], None] | None = 
         with path.open('rb') as stream:
             is_database = stream.read(16) == b'SQLite format 3\0'
     except OSError as error:
-        raise OccError(f'cannot read {path}: {error.strerror}') from error
+        raise DataError(f'cannot read {path}: {error.strerror}') from error
     if not is_database:
-        raise OccError(f'{path} is no SQLite database; allowed is one with {_needed()}')
+        raise DataError(f'{path} is no SQLite database; allowed is one with {_needed()}')
     uri = f'{path.absolute().as_uri()}?mode=ro&immutable=1'
     try:
         with closing(sqlite3.connect(uri, uri=True)) as database:
@@ -79,9 +79,9 @@ def read_ngsim_sqlite(path: Path, progress: Callable[[int, int], None] | None = 
     except (sqlite3.Error, OverflowError, ValueError) as error:
         # The last when a damaged schema cannot even be quoted.
         reason = ' '.join(str(error).split())
-        raise OccError(f'{path} cannot be read: {reason}') from error
+        raise DataError(f'{path} cannot be read: {reason}') from error
     if not len(rows):
-        raise OccError(f'{path}: the table Trajectory has no rows; allowed are one or more')
+        raise DataError(f'{path}: the table Trajectory has no rows; allowed are one or more')
     return _traffic(path, spec, sizes, rows)
 
 
@@ -96,11 +96,11 @@ def _check_tables(database: sqlite3.Connection, path: Path) -> None:
     for table, columns in _TABLES.items():
         if table not in names:
             there = ', '.join(sorted(names)) or 'none'
-            raise OccError(f'{path} has no table {table!r}; its tables are {there}')
+            raise DataError(f'{path} has no table {table!r}; its tables are {there}')
         there = [row[1] for row in database.execute(f'PRAGMA table_info({table})')]
         for column in columns:
             if column not in there:
-                raise OccError(
+                raise DataError(
                     f'{path}: the table {table} has no column {column!r}; '
                     f'its columns are {", ".join(there)}'
                 )
@@ -122,7 +122,7 @@ def _numbers(
         for row in rows:
             for name, value in zip(columns, row, strict=True):
                 if not isinstance(value, int | float) or not abs(value) <= LARGEST:
-                    raise OccError(
+                    raise DataError(
                         f'{path}: table {table}, row of {_row_name(columns, row)}, column '
                         f'{name!r}: got {_shown(value)}; allowed is a number of at most '
                         f'{LARGEST:g}'
@@ -146,7 +146,7 @@ def _shown(value: Any) -> str:
 
 def _traffic(path: Path, spec: dict[Any, Any], sizes: np.ndarray, rows: np.ndarray) -> Traffic:
     if spec.get('source_type') != _SOURCE:
-        raise OccError(
+        raise DataError(
             f"{path}: table Spec, key 'source_type': got {_shown(spec.get('source_type'))}; "
             f'allowed is {_SOURCE!r}'
         )
@@ -156,21 +156,21 @@ def _traffic(path: Path, spec: dict[Any, Any], sizes: np.ndarray, rows: np.ndarr
     size = _sizes_of(path, sizes, vehicle, time)
     again = np.flatnonzero((np.diff(vehicle) == 0) & (np.diff(time) <= 0.0))
     if len(again):
-        raise OccError(
+        raise DataError(
             f'{path}: table Trajectory has vehicle_id {vehicle[again[0]]} twice at sim_time '
             f'{time[again[0]]:g}; allowed is one row for each moment'
         )
     unknown = (lane < 1) | (lane != np.floor(lane))
     if unknown.any():
         row = int(np.argmax(unknown))
-        raise OccError(
+        raise DataError(
             f'{path}: table Trajectory, row of vehicle_id {vehicle[row]}, sim_time {time[row]:g}, '
             f"column 'lane_id': got {lane[row]:g}; allowed are whole numbers from 1 on the left"
         )
     check_motion(f'{path}: table Trajectory, column speed', vehicle, time, rows[:, 2:4], speed)
     strayed = implausible_heading(vehicle, time, rows[:, 2:4], rows[:, 4] + math.pi / 2.0)
     if strayed is not None:
-        raise OccError(
+        raise DataError(
             f'{path}: table Trajectory, column heading_rad: vehicle {vehicle[strayed]}, at '
             f'{time[strayed]:.8g} s, {OTHER_WAY}'
         )
@@ -211,7 +211,7 @@ def _specified(path: Path, spec: dict[Any, Any], key: str) -> float:
     except (TypeError, ValueError):
         number = math.nan
     if not math.isfinite(number):
-        raise OccError(
+        raise DataError(
             f'{path}: table Spec, key {key!r}: got {_shown(spec.get(key))}; '
             'allowed is a finite number'
         )
@@ -223,7 +223,7 @@ def _sizes_of(path: Path, sizes: np.ndarray, vehicle: np.ndarray, time: np.ndarr
     wrong = np.flatnonzero(~is_length(sizes[:, 1]))
     if len(wrong):
         number, length = sizes[wrong[0], :2]
-        raise OccError(
+        raise DataError(
             f"{path}: table Vehicle, row of id {number:g}, column 'length': got {length:g} m; "
             f'{ALLOWED_LENGTH}'
         )
@@ -233,7 +233,7 @@ def _sizes_of(path: Path, sizes: np.ndarray, vehicle: np.ndarray, time: np.ndarr
     strange = np.append(known, vehicle.min() - 1)[place] != vehicle
     if strange.any():
         row = int(np.argmax(strange))
-        raise OccError(
+        raise DataError(
             f"{path}: table Trajectory, row of sim_time {time[row]:g}, column 'vehicle_id': "
             f'got {vehicle[row]}, which the table Vehicle does not have'
         )
@@ -274,7 +274,7 @@ def _check_within(path: Path, lane: float, beside: np.ndarray, width: float) -> 
     """Refuse a lane whose vehicles drive on several; ``beside`` is metres from its middle."""
     share = float((np.abs(beside) > _FAR_FROM_MIDDLE * width).mean())
     if share > _MOST_FAR:
-        raise OccError(
+        raise DataError(
             f"{path}: table Trajectory, column 'lane_id': {share:.0%} of the rows of lane {lane:g} "
             f'are more than {_FAR_FROM_MIDDLE * width:g} m beside its middle, so it does not tell '
             f'the lanes apart; allowed are {_MOST_FAR:.0%}'
@@ -286,7 +286,7 @@ def _check_order(path: Path, lanes: np.ndarray, lefts: list[float], width: float
     for place in range(len(lanes) - 1):
         apart = lefts[place] - lefts[place + 1]
         if apart < width / 2.0:
-            raise OccError(
+            raise DataError(
                 f"{path}: table Trajectory, column 'lane_id': lanes {lanes[place]:g} and "
                 f'{lanes[place + 1]:g} overlap or are not numbered from the left: vehicles on the '
                 f'second are {apart:.3g} m to the right; allowed is half a lane, {width / 2:g} m, '

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import DataError
 
 # A kilometre per hour is 0.28 m/s, a foot per second 0.30, a mile per hour 0.45.
 _LEAST_RATIO, _MOST_RATIO = 0.7, 1.4
@@ -77,7 +77,7 @@ def check_motion(
     found = implausible_motion(vehicle, time, place, speed)
     if found is not None:
         row, sentence = found
-        raise OccError(f'{where}: vehicle {vehicle[row]}, at {time[row]:.8g} s, {sentence}')
+        raise DataError(f'{where}: vehicle {vehicle[row]}, at {time[row]:.8g} s, {sentence}')
 
 
 def implausible_heading(
@@ -119,7 +119,7 @@ def check_lane_width(where: str, width: float) -> None:
     """
     low, high = _LANE_M
     if not low <= width <= high:
-        raise OccError(
+        raise DataError(
             f'{where}: the lane is {width:.4g} m wide; allowed are {low:g} to {high:g} m'
         )
 

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
+from occ_constraints_pkg.errors import DataError, OccError
 from occ_constraints_pkg.features.table_messages import TABLE_TYPE, TableSerializer
 from occ_constraints_pkg.rosbag.writer import BagWriter
-from occ_constraints_pkg.errors import OccError
 
 TOPIC, FRAME = '/observation', 'road'
 # Written beside the features: who drove, and when, by the clock of the source.
@@ -49,7 +49,7 @@ class Drives:
     def __post_init__(self) -> None:
         rows = len(self.vehicle)
         if self.values.shape != (rows, len(self.names)) or self.time.shape != (rows,):
-            raise OccError(
+            raise DataError(
                 f'drives of {rows} rows and {len(self.names)} features got values of shape '
                 f'{self.values.shape} and times of shape {self.time.shape}'
             )
@@ -94,7 +94,9 @@ def write_drives(
     """
     directory = Path(directory)
     if directory.exists() or directory.is_symlink():
-        raise OccError(f'{directory} exists already; allowed is a new directory for each recording')
+        raise DataError(
+            f'{directory} exists already; allowed is a new directory for each recording'
+        )
     # A bag's files are named after its directory, so it is written under its own name elsewhere.
     aside = directory.absolute().parent / f'.{directory.name}.{os.getpid()}'
     try:
@@ -102,11 +104,11 @@ def write_drives(
         _write(drives, aside / directory.name, progress)
         os.rename(aside / directory.name, directory)
     except OSError as error:
-        raise OccError(f'cannot write {directory}: {error.strerror or error}') from error
+        raise DataError(f'cannot write {directory}: {error.strerror or error}') from error
     except OccError as error:
         # The writer says that what it wrote is kept, which is not so here.
         reason = getattr(error.__cause__, 'strerror', None)
-        raise OccError(f'cannot write {directory}: {reason}') if reason else error from error
+        raise DataError(f'cannot write {directory}: {reason}') if reason else error from error
     finally:
         shutil.rmtree(aside, ignore_errors=True)
 

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any, NoReturn
 from xml.parsers import expat
 
-from occ_constraints_pkg.traffic.plausible import LARGEST
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import DataError
 from occ_constraints_pkg.files import open_regular
+from occ_constraints_pkg.traffic.plausible import LARGEST
 
 
 class XmlFile:
@@ -37,7 +37,7 @@ class XmlFile:
             self._lines[builder.start(tag, attributes)] = parser.CurrentLineNumber
 
         def entity(*_: Any) -> NoReturn:
-            raise OccError(
+            raise DataError(
                 f'{path}, line {parser.CurrentLineNumber}: got an entity declaration; '
                 'allowed is plain XML without them'
             )
@@ -48,13 +48,15 @@ class XmlFile:
             with open_regular(path) as stream:
                 parser.ParseFile(stream)
         except OSError as error:
-            raise OccError(f'cannot read {path}: {error.strerror}') from error
+            raise DataError(f'cannot read {path}: {error.strerror}') from error
         except expat.ExpatError as error:
             reason = expat.ErrorString(error.code)
-            raise OccError(f'{path}, line {error.lineno}: it is not valid XML: {reason}') from error
+            raise DataError(
+                f'{path}, line {error.lineno}: it is not valid XML: {reason}'
+            ) from error
         except (ValueError, LookupError) as error:
             # An encoding that the parser does not know, or bytes that are none of it.
-            raise OccError(f'{path} is not valid XML: {error}') from error
+            raise DataError(f'{path} is not valid XML: {error}') from error
         self.root = builder.close()
 
     def fail(self, element: ET.Element, sentence: str) -> NoReturn:
@@ -63,7 +65,7 @@ class XmlFile:
         Raises:
             OccError: always.
         """
-        raise OccError(f'{self.place_of(element, f"<{element.tag}>")} {sentence}')
+        raise DataError(f'{self.place_of(element, f"<{element.tag}>")} {sentence}')
 
     def place_of(self, element: ET.Element, name: str) -> str:
         """Return what errors call an element: file, line and a name."""

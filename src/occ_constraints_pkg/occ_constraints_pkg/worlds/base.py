@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.worlds.view import RobotView
 
 
@@ -105,7 +105,7 @@ class World(ABC):
         Args:
             row: index of the robot.
         """
-        raise OccError(f'world {self.name} has no view of its robots')
+        raise ConfigurationError(f'world {self.name} has no view of its robots')
 
     def action_for(self, row: int, speed: float, turning: float) -> np.ndarray:
         """Return the action that makes a robot drive as a velocity command asks.
@@ -120,7 +120,9 @@ class World(ABC):
         Returns:
             (a,) within the bounds of the action columns.
         """
-        raise OccError(f'robots of world {self.name} cannot be driven by velocity commands')
+        raise ConfigurationError(
+            f'robots of world {self.name} cannot be driven by velocity commands'
+        )
 
     def close(self) -> None:  # noqa: B027 - most worlds have nothing to release
         """Release memory and end helping processes; the world may not be used afterwards."""
@@ -148,7 +150,7 @@ class World(ABC):
         for name in self.state_names:
             saved, value = state.get(name), attrgetter(name)(self)
             if np.shape(saved) != np.shape(value):
-                raise OccError(
+                raise ConfigurationError(
                     f'the saved state of world {self.name} has {name} of shape {np.shape(saved)}; '
                     f'allowed is {np.shape(value)} for {self.num_envs} robots'
                 )

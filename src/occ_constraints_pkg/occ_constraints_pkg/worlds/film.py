@@ -21,7 +21,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Circle, FancyArrow, Patch, Polygon
 from scipy.spatial import ConvexHull
 
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.files import GIF, MP4, PICTURE, Kind, replacing
 from occ_constraints_pkg.worlds.base import World
 from occ_constraints_pkg.worlds.geometry import matrix_of
@@ -114,7 +114,7 @@ def kind_of(path: Path) -> Kind:
     """
     suffix = path.suffix.lower()
     if suffix != '.png' and not animation.writers.is_available(_WRITERS.get(suffix, '')):
-        raise OccError(
+        raise ConfigurationError(
             f'cannot write {path}: allowed are .png, .gif and, where ffmpeg is installed, .mp4'
         )
     return _KINDS[suffix]

@@ -16,7 +16,7 @@ from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.worlds.base import Column
 from occ_constraints_pkg.worlds.registry import WORLDS, make_world
 
@@ -155,7 +155,7 @@ def register_worlds() -> None:
 
 def _check_render_mode(render_mode: str | None) -> None:
     if render_mode is not None:
-        raise OccError(
+        raise ConfigurationError(
             f'render_mode is {render_mode!r}; allowed is None: occ drive draws an episode'
         )
 

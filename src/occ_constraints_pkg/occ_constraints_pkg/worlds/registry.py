@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from occ_constraints_pkg.documents import did_you_mean
-from occ_constraints_pkg.errors import OccError, import_needed
+from occ_constraints_pkg.errors import ConfigurationError, import_needed
 from occ_constraints_pkg.worlds.base import World
 
 MOST_ROBOTS = 100_000
@@ -26,11 +26,13 @@ def make_world(name: str, num_envs: int, *, processes: int = 0) -> World:
     """
     world = world_class(name)
     if not 1 <= num_envs <= MOST_ROBOTS:
-        raise OccError(
+        raise ConfigurationError(
             f'world {name} was asked for {num_envs} robots; allowed are 1 to {MOST_ROBOTS}'
         )
     if processes < 0:
-        raise OccError(f'world {name} was asked for {processes} processes; 0 or more are allowed')
+        raise ConfigurationError(
+            f'world {name} was asked for {processes} processes; 0 or more are allowed'
+        )
     return world(num_envs, processes=processes)
 
 
@@ -42,7 +44,9 @@ def check_world(name: str) -> None:
     """
     if name not in _CLASSES:
         hint = did_you_mean(name, WORLDS) or ';'
-        raise OccError(f'there is no world {name!r}{hint} the worlds are {", ".join(WORLDS)}')
+        raise ConfigurationError(
+            f'there is no world {name!r}{hint} the worlds are {", ".join(WORLDS)}'
+        )
 
 
 def world_class(name: str) -> type[World]:

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError
 
 
 def robot_generators(seed: int | None, num_envs: int) -> list[np.random.Generator]:
@@ -20,7 +20,7 @@ def robot_generators(seed: int | None, num_envs: int) -> list[np.random.Generato
         OccError: the seed is negative.
     """
     if seed is not None and seed < 0:
-        raise OccError(f'a seed was {seed}; allowed are whole numbers from 0')
+        raise ConfigurationError(f'a seed was {seed}; allowed are whole numbers from 0')
     entropy = np.random.SeedSequence(seed).entropy
     # spawn_key rather than spawn(): the same stream whatever was spawned before.
     return [
@@ -42,13 +42,13 @@ def checked_action(action: np.ndarray, num_envs: int, names: tuple[str, ...]) ->
     """
     values = np.asarray(action, dtype=np.float64)
     if values.shape != (num_envs, len(names)):
-        raise OccError(
+        raise ConfigurationError(
             f'an action has shape {values.shape}; allowed is {(num_envs, len(names))}, '
             f'one row per robot with {", ".join(names)}'
         )
     if not np.isfinite(values).all():
         row, column = np.argwhere(~np.isfinite(values))[0]
-        raise OccError(
+        raise ConfigurationError(
             f'an action holds {values[row, column]} as {names[column]} of robot {row}; '
             f'allowed are finite numbers'
         )
@@ -65,7 +65,7 @@ def selected_rows(mask: np.ndarray | None, num_envs: int) -> np.ndarray:
         return np.arange(num_envs)
     mask = np.asarray(mask)
     if mask.shape != (num_envs,) or mask.dtype != bool:
-        raise OccError(
+        raise ConfigurationError(
             f'a reset mask has shape {mask.shape} and type {mask.dtype}; '
             f'allowed is ({num_envs},) bool'
         )

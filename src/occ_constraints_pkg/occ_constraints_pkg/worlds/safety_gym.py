@@ -22,7 +22,6 @@ from occ_constraints_pkg.worlds.bodies import (
     Movable,
     Robot,
 )
-from occ_constraints_pkg.worlds.worker_pool import Crew, can_help
 from occ_constraints_pkg.worlds.geometry import lengths, matrix_of_yaw, product, quaternion_of_yaw
 from occ_constraints_pkg.worlds.layout import Layout, PlacementRules
 from occ_constraints_pkg.worlds.lidar import BINS, MAX_DISTANCE, beams, lidar_readings
@@ -31,6 +30,7 @@ from occ_constraints_pkg.worlds.robots import checked_action, robot_generators, 
 from occ_constraints_pkg.worlds.shared_arrays import SharedArrays
 from occ_constraints_pkg.worlds.velocity_control import velocity_action
 from occ_constraints_pkg.worlds.view import RobotView, Thing, standing_cylinder
+from occ_constraints_pkg.worlds.worker_pool import Crew, can_help
 
 GOAL_RADIUS = 0.3
 _GOAL_HEIGHT = 0.16

@@ -17,9 +17,9 @@ import pkgutil
 import time
 
 from occ_constraints_pkg.stopping import parent_is_gone
-from occ_constraints_pkg.worlds.worker_pool import DONE, WORK
-from occ_constraints_pkg.worlds.wake_up_channel import Line
 from occ_constraints_pkg.worlds.shared_arrays import SharedArrays
+from occ_constraints_pkg.worlds.wake_up_channel import Line
+from occ_constraints_pkg.worlds.worker_pool import DONE, WORK
 
 
 def main(world: str, num_envs: int, capacity: int, descriptor: int, *line: int) -> None:

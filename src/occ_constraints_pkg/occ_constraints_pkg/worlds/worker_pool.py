@@ -18,8 +18,8 @@ import numpy as np
 
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.stopping import PARENT_VARIABLE, stop_request
-from occ_constraints_pkg.worlds.wake_up_channel import Line
 from occ_constraints_pkg.worlds.shared_arrays import SharedArrays
+from occ_constraints_pkg.worlds.wake_up_channel import Line
 
 WORK = struct.Struct('<qq')
 """What a helper is told: its first and last robot (exclusive)."""

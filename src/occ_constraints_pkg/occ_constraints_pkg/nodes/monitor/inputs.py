@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from occ_constraints_pkg.errors import InputError, OccError
 from occ_constraints_pkg.features.extractor import FeatureExtractor, FeatureRows
 from occ_constraints_pkg.features.feature_map import FeatureMap
 from occ_constraints_pkg.features.fields import header_stamp_ns
 from occ_constraints_pkg.features.serialized_tables import TableMessage
-from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.ros.arrival import ArrivalClock
 from occ_constraints_pkg.ros.mapped_topics import MappedTopics
 from occ_constraints_pkg.ros.process import OccNode
@@ -30,8 +30,8 @@ class LiveFeatures:
         limits: three numbers of seconds, ``timeout``, ``max_lead``, ``max_lag``: how long nothing
             new may come until :attr:`silence` has something to say, and ``/clock`` may stand
             still; how far the header stamp of a message may be ahead of the clock; and how late
-            it may come (see :class:`~occ_constraints_pkg.features.lateness.Lateness`). The latter two
-            are 0 for any, and not of tables, whose stamps tell steps apart.
+            it may come (see :class:`~occ_constraints_pkg.features.lateness.Lateness`). The latter
+            two are 0 for any, and not of tables, whose stamps tell steps apart.
         on_rows: called with each input's rows.
         on_fault: called with the reason and the stamp in ns of an input that gives none.
 
@@ -114,7 +114,7 @@ class LiveFeatures:
             self._check_stamp(topic, message, now)
             rows = self._extractor.push(topic, message, now, sent)
             if rows is not None and not len(rows.values):
-                raise OccError(f'topic {topic!r} brought a table without rows')
+                raise InputError(f'topic {topic!r} brought a table without rows')
         except OccError as error:
             self.renew()
             self._node.get_logger().error(f'input refused: {error}', throttle_duration_sec=1.0)
@@ -131,7 +131,7 @@ class LiveFeatures:
         lead_ns = (header_stamp_ns(message) or 0) - now_ns
         # Without a time nothing is judged anyway.
         if now_ns and lead_ns > self._max_lead_ns:
-            raise OccError(
+            raise InputError(
                 f'the stamp of a message on {topic!r} is {lead_ns * 1e-9:.3g} s ahead of the '
                 f'clock; allowed is {self._max_lead_ns * 1e-9:g} s, by the parameter max_lead'
             )

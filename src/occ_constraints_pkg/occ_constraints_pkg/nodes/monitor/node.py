@@ -15,20 +15,20 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
+from occ_constraints_pkg.errors import ConfigurationError, OccError
 from occ_constraints_pkg.features.feature_map import FeatureMap, map_of
 from occ_constraints_pkg.features.lateness import MAX_LAG_SECONDS
-from occ_constraints_pkg.nodes.monitor.rules_reader import RulesReader, check_size
-from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.files import CONSTRAINTS, check_outputs
-from occ_constraints_pkg.ros.diagnostics import report_message
+from occ_constraints_pkg.nodes.monitor.outputs import VerdictTopics
 from occ_constraints_pkg.nodes.monitor.pipeline import Judging
+from occ_constraints_pkg.nodes.monitor.rules_in_force import RulesInForce
+from occ_constraints_pkg.nodes.monitor.rules_reader import RulesReader, check_size
+from occ_constraints_pkg.ros.diagnostics import report_message
 from occ_constraints_pkg.ros.managed import ManagedNode
 from occ_constraints_pkg.ros.messages import table_message
 from occ_constraints_pkg.ros.process import run_node
 from occ_constraints_pkg.ros.qos import LATCHED, VERDICTS, overridable
-from occ_constraints_pkg.nodes.monitor.rules_in_force import RulesInForce
 from occ_constraints_pkg.ros.tables import rule_stats_table
-from occ_constraints_pkg.nodes.monitor.outputs import VerdictTopics
 from occ_constraints_pkg.rules.constraints_file import Constraints, load_constraints
 from occ_constraints_pkg.rules.edits import RuleEdits
 from occ_constraints_pkg.rules.forecast import HORIZON_SECONDS, WINDOW_SECONDS
@@ -191,7 +191,7 @@ class Monitor(ManagedNode):
             return
         try:
             if answer.problem:
-                raise OccError(answer.problem)
+                raise ConfigurationError(answer.problem)
             self._use(answer.constraints, answer.feature_map, _ORIGIN)
             self._received = answer.text
         # Nothing that others send may end the node, whatever is wrong with it.

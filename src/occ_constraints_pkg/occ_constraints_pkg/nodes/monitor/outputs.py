@@ -15,17 +15,17 @@ from visualization_msgs.msg import MarkerArray
 
 from occ_constraints_pkg.features.extractor import FeatureRows
 from occ_constraints_pkg.nodes.monitor.costs import costs_message
+from occ_constraints_pkg.nodes.monitor.early_warning import EarlyWarning
+from occ_constraints_pkg.nodes.monitor.inputs import LiveFeatures
+from occ_constraints_pkg.nodes.monitor.markers import sector_markers, verdict_markers
+from occ_constraints_pkg.nodes.monitor.state_log import StateLog
 from occ_constraints_pkg.ros.diagnostics import (
     foreseen_values,
     unknown_message,
     violation_message,
 )
-from occ_constraints_pkg.nodes.monitor.early_warning import EarlyWarning
-from occ_constraints_pkg.nodes.monitor.inputs import LiveFeatures
-from occ_constraints_pkg.nodes.monitor.markers import sector_markers, verdict_markers
 from occ_constraints_pkg.ros.process import OccNode
 from occ_constraints_pkg.ros.qos import VERDICTS, overridable
-from occ_constraints_pkg.nodes.monitor.state_log import StateLog
 from occ_constraints_pkg.rules import Judgement, RuleSet, Verdict
 
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from occ_constraints_pkg.features.extractor import FeatureRows
 from occ_constraints_pkg.features.feature_map import FeatureMap
 from occ_constraints_pkg.nodes.monitor.inputs import LiveFeatures
-from occ_constraints_pkg.ros.process import OccNode
-from occ_constraints_pkg.nodes.monitor.rules_in_force import RulesInForce
 from occ_constraints_pkg.nodes.monitor.outputs import VerdictTopics
+from occ_constraints_pkg.nodes.monitor.rules_in_force import RulesInForce
+from occ_constraints_pkg.ros.process import OccNode
 from occ_constraints_pkg.rules import Judgement, Verdict
 from occ_constraints_pkg.rules.gating import SteadyVerdict
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 from std_msgs.msg import String
 
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError, OccError
 from occ_constraints_pkg.learning.pruning import prune
 from occ_constraints_pkg.ros.process import OccNode
 from occ_constraints_pkg.ros.qos import LATCHED, overridable
@@ -138,7 +138,7 @@ class RulesInForce:
         # What is still listed from before the pruning stays without effect.
         back = self._now.pruned & (set(edits.enabled) - set(self.edits.enabled))
         if back:
-            raise OccError(
+            raise ConfigurationError(
                 f'rule {min(back)!r} is to be enabled, but was pruned; allowed is that once '
                 'constraints are loaded anew'
             )
@@ -161,7 +161,7 @@ class RulesInForce:
             OccError: there are no rules or counts, or the file cannot be written; the rules stay.
         """
         if self._now is None:
-            raise OccError('there is no rule set yet')
+            raise ConfigurationError('there is no rule set yet')
         before = self._now
         result = prune(before.edited.rule_set.with_counts(before.counts), threshold)
         words = result.words

@@ -28,8 +28,8 @@ from typing import BinaryIO, NamedTuple
 
 import numpy as np
 
+from occ_constraints_pkg.errors import ConfigurationError, OccError
 from occ_constraints_pkg.features.feature_map import FeatureMap, map_of
-from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.rules import RuleSet
 from occ_constraints_pkg.rules.constraints_file import Constraints, parse_constraints
 from occ_constraints_pkg.rules.listing import rules_document
@@ -189,7 +189,7 @@ def check_size(text: str, where: str) -> None:
         OccError: it is.
     """
     if len(text) > MOST_CHARACTERS:
-        raise OccError(
+        raise ConfigurationError(
             f'{where} is a text of {len(text)} characters; allowed are {MOST_CHARACTERS} at most'
         )
 

@@ -1,0 +1,181 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""From recordings to rows of features: a dataset, or row by row as live topics would give them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from occ_constraints_pkg.datasets.blocks import BlockExtractor, RowBlock
+from occ_constraints_pkg.datasets.collected import CollectedRows
+from occ_constraints_pkg.datasets.dataset import Dataset
+from occ_constraints_pkg.datasets.manifest import select
+from occ_constraints_pkg.errors import DataError
+from occ_constraints_pkg.features.extractor import FeatureExtractor, FeatureRows
+from occ_constraints_pkg.features.feature_map import FeatureMap, topic_key
+from occ_constraints_pkg.rosbag.recording import RawMessage, Recording
+from occ_constraints_pkg.rosbag.storage import Block
+
+
+def extract(
+    paths: Sequence[str | Path],
+    feature_map: FeatureMap,
+    *,
+    max_lag: float = 0.0,
+    progress: Callable[[int, int], None] | None = None,
+    provenance: bool = True,
+) -> Dataset:
+    """Compute the features of recordings.
+
+    Repeated pace messages are skipped. A recording is one episode; where the pace is a table with
+    a column ``episode``, each robot's episodes are told apart; and each stretch that a manifest
+    selects is an episode. Only messages that can influence a row are decoded, and of them only the
+    fields that the map asks for.
+
+    Args:
+        paths: rosbag2 directories, storage files, or manifests that list some.
+        feature_map: what to compute.
+        max_lag: seconds that a message may come late, by its log time; 0 for any. See
+            :class:`FeatureExtractor`.
+        progress: called with the number of messages of needed topics so far, and the number in
+            all recordings.
+        provenance: whether the sources tell hashes, for which the files are read once more, and
+            not only names.
+
+    Raises:
+        OccError: no recordings; one cannot be read, lacks a topic, field or column of the map, or
+            has no message on the pace topic in the parts to use.
+    """
+    selections = select(paths)
+    recordings = [Recording(selection.path) for selection in selections]
+    if not recordings:
+        raise DataError('there are no recordings to extract features from; allowed are one or more')
+    wanted = [
+        {topic_key(name): recording.find(topic_key(name)) for name in feature_map.topics}
+        for recording in recordings
+    ]
+    total = sum(
+        recording.topics[topic].count
+        for recording, topics in zip(recordings, wanted, strict=True)
+        for topic in topics.values()
+    )
+    done, parts, episodes, warnings = 0, [], 0, []
+    for recording, topics, selection in zip(recordings, wanted, selections, strict=True):
+        part, start = CollectedRows(), recording.start_ns
+        if BlockExtractor.reads(recording, topics, feature_map):
+            blocks = BlockExtractor(recording, topics, feature_map, max_lag)
+        else:
+            blocks = _MessageExtractor(recording, topics, feature_map, max_lag)
+        for block in recording.blocks(list(topics.values())):
+            for rows in blocks.rows(block):
+                part.add(rows, rows.times_ns - start, selection)
+            done += len(block)
+            if progress is not None:
+                progress(done, total)
+        if not part.values:
+            pace = topics.get(topic_key(feature_map.pace))
+            raise DataError(
+                f'{recording.path} has no message on '
+                + (f'{pace!r}, which sets the pace' if pace else f'any of {", ".join(topics)}')
+                + f'{part.where}; allowed is one or more'
+            )
+        episodes += part.number_episodes(episodes, str(recording.path))
+        warnings += recording.warnings
+        warnings += part.unused(selection, str(recording.path))
+        parts.append(part)
+    costs = [cost for part in parts for cost in part.costs]
+    return Dataset(
+        names=feature_map.names,
+        values=np.concatenate([values for part in parts for values in part.values]),
+        stamps_ns=np.concatenate([stamps for part in parts for stamps in part.stamps]),
+        episodes=np.concatenate([part.episodes for part in parts]),
+        true_cost=np.concatenate(costs) if any(part.has_cost for part in parts) else None,
+        times_ns=np.concatenate([times for part in parts for times in part.times]),
+        recordings=np.repeat(np.arange(len(parts)), [len(part.episodes) for part in parts]),
+        sources=tuple(
+            (recording.fingerprint() if provenance else {'name': recording.name})
+            | selection.to_document()
+            for recording, selection in zip(recordings, selections, strict=True)
+        ),
+        warnings=tuple(warnings),
+        origins=np.concatenate([origins for part in parts for origins in part.origins]),
+    )
+
+
+def rows_of(
+    recording: Recording,
+    extractor: FeatureExtractor,
+    tick: Callable[[], None] | None = None,
+) -> Iterator[FeatureRows]:
+    """Push a recording's messages into a fresh extractor; yield all rows, repeats too.
+
+    Args:
+        recording: what to read.
+        extractor: it says what to compute.
+        tick: called after each message of a needed topic.
+
+    Raises:
+        OccError: the recording cannot be read, or lacks a topic, field or column of the map.
+    """
+    pusher = _Pusher(recording, extractor)
+    topics = [recording.find(topic_key(name)) for name in extractor.feature_map.topics]
+    for raw in recording.messages(topics):
+        if tick is not None:
+            tick()
+        if (rows := pusher.push(raw)) is not None:
+            yield rows
+
+
+class _Pusher:
+    """Pushes recorded messages, but decodes only those that can influence a row."""
+
+    def __init__(self, recording: Recording, extractor: FeatureExtractor) -> None:
+        self._recording, self._extractor = recording, extractor
+        self._latest: dict[str, RawMessage] = {}
+
+    def push(self, raw: RawMessage) -> FeatureRows | None:
+        pace = self._extractor.pace_key
+        if pace and topic_key(raw.topic) not in (pace, *self._extractor.timed):
+            # Of the messages between two of the pace topic, only the last of a topic counts, but
+            # for their lateness.
+            self._latest[raw.topic] = raw
+            return None
+        for held in self._latest.values():
+            self._decode(held)
+        self._latest.clear()
+        return self._decode(raw)
+
+    def _decode(self, raw: RawMessage) -> FeatureRows | None:
+        return self._extractor.push(raw.topic, self._recording.decode(raw), raw.log_time_ns)
+
+
+class _MessageExtractor:
+    """Computes rows message by message, in the way of live topics; for tables and fixed rates."""
+
+    def __init__(
+        self,
+        recording: Recording,
+        topics: dict[str, str],
+        feature_map: FeatureMap,
+        max_lag: float,
+    ) -> None:
+        self._recording = recording
+        self._names = list(topics.values())
+        self._pusher = _Pusher(recording, FeatureExtractor(feature_map, max_lag))
+
+    def rows(self, block: Block) -> Iterator[RowBlock]:
+        """Yield the rows that each message gives."""
+        for row, number in enumerate(block.topics.tolist()):
+            raw = self._recording.raw(block, row, self._names[number])
+            rows = self._pusher.push(raw)
+            if rows is not None and not rows.repeat:
+                count = len(rows.values)
+                yield RowBlock(
+                    rows.values,
+                    np.full(count, rows.stamp_ns, dtype=np.int64),
+                    np.full(count, raw.log_time_ns, dtype=np.int64),
+                    rows.table,
+                )

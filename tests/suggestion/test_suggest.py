@@ -1,0 +1,188 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+import math
+
+import numpy as np
+import pytest
+from occ_constraints_pkg.datasets.extraction import extract
+from occ_constraints_pkg.documents import parse_yaml
+from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.features.feature_map import FeatureMap
+from occ_constraints_pkg.rosbag.recording import Recording
+from occ_constraints_pkg.suggestion.inspection import survey
+from occ_constraints_pkg.suggestion.suggest import suggest
+from occ_constraints_pkg.suggestion.text import suggestion_text
+
+START = 100 * 10**9
+TENTH = 10**8
+
+
+def drive(messages, *, steps=60, frame='odom', jump=0, commands=True):
+    """Return a drive along walls, with what spoils recordings."""
+    entries = []
+    for step in range(steps):
+        now = START + step * TENTH
+        stamp = now - (5 * 10**9 if jump and step >= jump else 0)
+        ranges = np.full(36, np.inf)
+        ranges[:12] = 0.5 + 0.4 * math.sin(step / 5)
+        ranges[20] = 0.0
+        entries.append(('/scan', messages.scan(ranges, stamp_ns=stamp, step=math.tau / 36), now))
+        odometry = messages.odometry(
+            stamp_ns=stamp + 1, x=0.2 + 0.1 * math.sin(step / 7), wz=0.3, frame=frame
+        )
+        entries.append(('/odom', odometry, now + 1))
+        if commands:
+            entries.append(('/cmd_vel', messages.twist(x=0.2 + 0.01 * (step % 3)), now + 2))
+    return entries
+
+
+def found(write_bag, entries, name='bag'):
+    suggestion = suggest(Recording(write_bag(entries, name)))
+    text = suggestion_text(suggestion)
+    assert max(map(len, text.splitlines())) <= 100
+    document = parse_yaml(text, 'suggested')
+    feature_map = FeatureMap.from_document(document, 'suggested', text=text)
+    assert feature_map.names == tuple(item.source.name for item in suggestion.seen.features)
+    return suggestion, text, feature_map
+
+
+def aside(suggestion):
+    return {item.entry['name']: item.aside for item in suggestion.candidates if item.aside}
+
+
+def test_a_drive(messages, write_bag):
+    suggestion, text, feature_map = found(write_bag, drive(messages))
+    assert (feature_map.pace, feature_map.max_age) == ('scan', 0.2)
+    assert feature_map.names[:2] == ('speed', 'clearance_front')
+    assert len(feature_map.names) == 1 + 8
+    clearance = feature_map.features[1]
+    # The open sectors see 4 m, so this is where more space does not count any more.
+    assert clearance.transform == (('clip', 0.0, 4.0),)
+    assert (clearance.low, clearance.high, clearance.missing) == (0.0, 4.0, 'max_range')
+    reasons = aside(suggestion)
+    assert 'constant at 0.3' in reasons['turn_rate']
+    assert "in the frame 'odom'" in reasons['position_x']
+    assert 'commands end when nobody drives' in reasons['commanded_speed']
+    assert 'noisy' in reasons['acceleration']
+    for part in (
+        '/odom at 10 Hz',
+        '# speed: ',
+        '64% Inf, 3% 0',
+        '# - {name: heading',
+        'never missing',
+    ):
+        assert part in text
+    assert suggestion.warnings == ()
+    data = extract([write_bag(drive(messages), 'again')], feature_map)
+    assert np.isfinite(data.values[1:]).all()
+
+
+def test_warnings(messages, write_bag):
+    entries = drive(messages, frame='map', jump=30, commands=False)
+    frozen = [(topic, m, t) for topic, m, t in entries if topic != '/scan']
+    ranges = np.linspace(0.2, 2.0, 36)
+    for step in range(60):
+        ranges = ranges if step > 20 else ranges + 0.001
+        frozen.append(('/scan', messages.scan(ranges, step=math.tau / 36), START + step * TENTH))
+    suggestion, text, _ = found(write_bag, sorted(frozen, key=lambda entry: entry[2]))
+    told = '\n'.join(suggestion.warnings)
+    assert 'the stamps of /odom go back once, first 2.9 s after its first message' in told
+    assert 'the poses of /odom are in the frame map, which jumps' in told
+    assert 'the messages of /scan have no time stamp; it sets the pace all the same' in told
+    assert 'clearance_front did not change for 3.9 s' in told
+    assert all(' '.join(sentence.split()[:4]) in text for sentence in suggestion.warnings)
+
+
+def test_commands_alone(messages, write_bag):
+    """Without anything measured, commands are better than nothing."""
+    entries = [entry for entry in drive(messages) if entry[0] == '/cmd_vel']
+    suggestion, _, feature_map = found(write_bag, entries)
+    assert feature_map.names == ('commanded_speed',)
+    assert 'no time stamp; it sets the pace all the same' in suggestion.warnings[0]
+
+
+def test_a_table(messages, write_bag):
+    rng = np.random.default_rng(0)
+    names = ['lidar_0', 'lidar_1', 'still', 'episode', 'reward']
+    entries = []
+    for step in range(20):
+        now = START + step * TENTH
+        values = rng.random((3, 5)).astype(np.float32)
+        values[:, 2:] = [7.0, 0.0, 1.0]
+        entries.append(('/observation', messages.table(names, values, stamp_ns=now), now))
+        entries.append(('/action', messages.table('ab', values[:, :2], stamp_ns=now), now + 1))
+    suggestion, _, feature_map = found(write_bag, entries)
+    assert feature_map.pace == 'observation'
+    assert feature_map.names == ('lidar_0', 'lidar_1')
+    assert {item.family for item in feature_map.features} == {'lidar'}
+    assert aside(suggestion)['still'] == 'constant at 7'
+    assert 'the table /observation is used instead' in aside(suggestion)['a']
+
+
+def test_second_sources_are_set_aside_under_other_names(messages, write_bag):
+    entries = drive(messages)
+    twice = [(f'/robot{topic}', message, time) for topic, message, time in entries]
+    both = sorted((*entries, *twice), key=lambda entry: entry[2])
+    suggestion, _, feature_map = found(write_bag, both)
+    assert {item.topic for item in feature_map.features} == {'odom', 'scan'}
+    assert aside(suggestion)['clearance_robot_scan'] == '/scan is used instead'
+    names = [item.entry['name'] for item in suggestion.candidates]
+    assert len(set(names)) == len(names)
+
+
+def test_a_scan_that_sees_only_ahead(messages, write_bag):
+    entries = [
+        (
+            '/scan',
+            messages.scan(
+                1.0 + np.sin(np.arange(181) / 9 + step / 5) / 2,
+                stamp_ns=START + step * TENTH,
+                first=-math.pi / 2,
+                step=math.pi / 180,
+            ),
+            START + step * TENTH,
+        )
+        for step in range(30)
+    ]
+    _, _, feature_map = found(write_bag, entries)
+    assert feature_map.features[0].degrees[0] == -91.0
+    assert feature_map.features[-1].degrees[1] == 91.0
+    assert len(feature_map.names) == 8
+
+
+def test_nothing_to_suggest(messages, write_bag):
+    bag = write_bag([('/cmd_vel', messages.twist(), START)])
+    with pytest.raises(OccError, match=r'no topic of which .* ten messages or more\); its topics'):
+        suggest(Recording(bag))
+    entries = [('/cmd_vel', messages.twist(), START + step) for step in range(20)]
+    with pytest.raises(OccError, match='no feature that can be used: commanded_speed: constant'):
+        suggest(Recording(write_bag(entries, 'still')))
+
+
+def test_survey(messages, write_bag):
+    entries = drive(messages, jump=30)
+    topics = survey(Recording(write_bag(entries)))
+    odometry = topics['/odom']
+    assert (odometry.count, odometry.is_stamped, odometry.jumps) == (60, True, 1)
+    assert odometry.rate == pytest.approx(10.0)
+    assert odometry.numbers['twist.twist.angular.z'] == 0.3
+    assert not topics['/cmd_vel'].is_stamped
+    scan = topics['/scan'].scan
+    assert (scan.least_beams, scan.first, scan.last) == (36, 0.0, pytest.approx(350.0, abs=1e-4))
+    assert (scan.counts / 60).tolist() == [1, 23, 0, 0, 36]
+
+
+@pytest.mark.parametrize(
+    ('bag', 'expected'),
+    [
+        ('safe_tb3_abhishek', {'speed', 'turn_rate', 'clearance_front', 'acceleration_x'}),
+        ('safe_neato_junpark_teleop', {'speed', 'turn_rate', 'clearance_rear', 'bump_left_front'}),
+        ('close_epuck_webots_aakash', {'speed', 'turn_rate', 'range_tof'}),
+    ],
+)
+def test_real_robots(robots, bag, expected):
+    suggestion = suggest(Recording(robots / bag))
+    text = suggestion_text(suggestion)
+    feature_map = FeatureMap.from_document(parse_yaml(text, bag), bag, text=text)
+    assert expected <= set(feature_map.names)
+    assert suggestion.seen.usable > 0.95

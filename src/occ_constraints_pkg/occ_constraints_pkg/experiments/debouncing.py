@@ -26,7 +26,7 @@ from occ_constraints_pkg.experiments.robots import (
     safe_recordings,
     suggested_map,
 )
-from occ_constraints_pkg.files import make_directory, replacing
+from occ_constraints_pkg.files import RESULTS, TABLE, make_directory, write_text
 from occ_constraints_pkg.rules.gating import Debounce, GateSettings
 from occ_constraints_pkg.rules.verdict import Verdict
 
@@ -101,12 +101,8 @@ def run_debouncing(output: Path, *, folder: Path | None = None) -> dict[str, Any
             for name, make in CANDIDATES.items()
         },
     }
-    for name, text in (
-        ('debouncing.json', json.dumps(result, indent=2) + '\n'),
-        ('debouncing.md', _markdown(result)),
-    ):
-        with replacing(output / name) as draft:
-            draft.write_text(text, encoding='utf-8')
+    write_text(output / 'debouncing.json', RESULTS, json.dumps(result, indent=2) + '\n')
+    write_text(output / 'debouncing.md', TABLE, _markdown(result))
     return result
 
 

@@ -92,12 +92,13 @@ class Oracle:
         if not before or sent - before[-1][0] > limit:
             return 'no verdict'
         settled = [verdict for at, verdict in before if at <= sent - _GRACE]
-        if settled and settled[-1] is Verdict.UNKNOWN:
-            return 'UNKNOWN'
         count = self.settings.trigger_count
         if len(settled) >= count and set(settled[-count:]) == {Verdict.VIOLATED}:
             return 'VIOLATED'
-        return '' if self._is_released(before, sent, limit) else 'not released'
+        if self._is_released(before, sent, limit):
+            # Also after an UNKNOWN: at 50 Hz, five safe verdicts take no longer than the grace.
+            return ''
+        return 'UNKNOWN' if settled and settled[-1] is Verdict.UNKNOWN else 'not released'
 
     def _is_released(self, before: list[tuple[float, Verdict]], sent: float, limit: float) -> bool:
         """Whether enough safe verdicts have come in a row since the last stop."""

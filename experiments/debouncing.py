@@ -101,12 +101,8 @@ def run_debouncing(output: Path, *, folder: Path | None = None) -> dict[str, Any
             for name, make in CANDIDATES.items()
         },
     }
-    for name, text in (
-        ('debouncing.json', json.dumps(result, indent=2) + '\n'),
-        ('debouncing.md', _markdown(result)),
-    ):
-        with replacing(output / name) as draft:
-            draft.write_text(text, encoding='utf-8')
+    write_text(output / 'debouncing.json', RESULTS, json.dumps(result, indent=2) + '\n')
+    write_text(output / 'debouncing.md', TABLE, _markdown(result))
     return result
 
 

@@ -37,9 +37,10 @@ def test_starts_of_the_reference_keep_our_rules():
 def test_means_are_compared_and_missing_records_are_told(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(worlds, 'REFERENCE', worlds.REFERENCE[1:2])
     monkeypatch.setattr(PointGoal1, 'max_episode_steps', 150)
-    nowhere = str(tmp_path / 'nowhere')
+    nothing = tmp_path / 'nothing'
+    nothing.mkdir()
     code = main(
-        ['experiment', 'worlds', '--episodes', '12', '--data', nowhere, '-o', str(tmp_path)]
+        ['experiment', 'worlds', '--episodes', '12', '--data', str(nothing), '-o', str(tmp_path)]
     )
     assert code == 0
     captured = capsys.readouterr()

@@ -3,10 +3,13 @@
 """The gate stops a robot whenever the monitor does not say that it is safe."""
 
 import signal
+import subprocess
+import sys
 import time
 
 import numpy as np
 import pytest
+from occ_constraints_pkg.demo.processes import environment
 from occ_constraints_pkg.features.table import Table
 
 COLUMNS = ('x', 'y', 'reward', 'terminated', 'truncated', 'episode', 'true_cost')
@@ -246,6 +249,43 @@ def test_verdicts_that_prove_nothing_about_now_never_open_it(nodes, witness):
     one = verdicts.message(judged_ns=time.time_ns())
     assert verdicts.never_drives(4.0, lambda step: [one])
     assert 'made more than 0.5 s ago' in gate.log.read_text()
+
+
+# Commands as fast as one can send them, about 4 kHz.
+FLOOD = """
+import rclpy
+from geometry_msgs.msg import Twist
+from occ_constraints_pkg.ros.qos import COMMANDS
+
+rclpy.init()
+publisher = rclpy.create_node('flood').create_publisher(Twist, 'cmd_vel_in', COMMANDS)
+message = Twist()
+message.linear.x = 1.0
+while True:
+    publisher.publish(message)
+"""
+
+
+def test_a_flood_of_commands_keeps_no_verdict_away(nodes, witness):
+    nodes.start('gate')
+    verdicts = Verdicts(witness)
+    assert verdicts.is_open_within(20.0)
+    flood = subprocess.Popen([sys.executable, '-c', FLOOD], env=environment(nodes.domain))
+    try:
+        witness.spin_until(
+            lambda: verdicts.step(verdicts.message()) or len(verdicts.heard) > 2000, 60.0
+        )
+        for letter, speed in (('V', 0.0), ('S', 1.0), ('U', 0.0)):
+            verdicts.heard.clear()
+            witness.spin_until(
+                lambda letter=letter, speed=speed: (
+                    verdicts.step(verdicts.message(letter)) or verdicts.heard[-1:] == [speed]
+                ),
+                20.0,
+            )
+    finally:
+        flood.kill()
+        flood.wait()
 
 
 def test_a_paused_gate_does_not_drive_on_what_it_heard_before(nodes, witness):

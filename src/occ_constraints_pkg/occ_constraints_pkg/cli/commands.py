@@ -50,6 +50,9 @@ def run_command(argv: Sequence[str] | None = None) -> int:
 
 def _stopped() -> int:
     tell('stopped')
+    # An interrupt that came while a text was executed, as in the making of a dataclass, is
+    # remembered by CPython though it was handled: it would end itself by SIGINT. This resets it.
+    exec('')
     return 130
 
 

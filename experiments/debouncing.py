@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from occ_constraints_pkg.files import make_directory, replacing
+from occ_constraints_pkg.files import RESULTS, TABLE, make_directory, write_text
 from occ_constraints_pkg.rules.gating import Debounce, GateSettings
 from occ_constraints_pkg.rules.verdict import Verdict
 

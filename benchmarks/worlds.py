@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""``occ bench worlds``: steps of the Safety-Gym tasks beside a bare loop of MuJoCo steps."""
+"""Worlds: steps of the Safety-Gym tasks beside a bare loop of MuJoCo steps."""
 
 from __future__ import annotations
 

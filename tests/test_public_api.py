@@ -91,8 +91,7 @@ def test_the_api_agrees_with_the_command(occ_command, beside_bags):
     report = occ.check('bags/simple_nav_straight', 'nav.yaml')
     assert report.shares == printed['shares_of_time']
     assert [
-        (item.rule.id, item.start, item.end, item.margin, item.values)
-        for item in report.violations
+        (item.rule.id, item.start, item.end, item.margin, item.values) for item in report.violations
     ] == [
         (item['rule'], item['start'], item['end'], item['worst']['margin'], item['worst']['values'])
         for item in printed['violations']

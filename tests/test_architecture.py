@@ -6,9 +6,10 @@ import ast
 import re
 from pathlib import Path
 
-import occ_constraints_pkg
 import pytest
 from test_layers import ARROWS
+
+import occ_constraints_pkg
 
 PACKAGE = Path(occ_constraints_pkg.__file__).parent
 PAGE = (Path(__file__).parents[1] / 'docs' / 'architecture.md').read_text(encoding='utf-8')

@@ -10,8 +10,9 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import occ_constraints_pkg as occ
 import pytest
+
+import occ_constraints_pkg as occ
 
 ROOT = Path(__file__).parents[1]
 HEAVY = {'scipy', 'torch', 'mujoco', 'matplotlib', 'rclpy', 'mcap', 'rosbags', 'sklearn', 'click'}
@@ -125,7 +126,7 @@ def test_without_an_enabled_rule_nothing_is_safe(beside_bags):
 def test_tables_and_warnings(tmp_path):
     table = tmp_path / 'drives.csv'
     table.write_text('speed,clearance\n' + ''.join(f'{i / 9},{1 + i / 9}\n' for i in range(10)))
-    with pytest.warns(UserWarning) as told:
+    with pytest.warns(UserWarning, match='samples') as told:
         constraints = occ.learn([table])
     assert told[0].filename == __file__
     assert constraints.space.names == ('speed', 'clearance')

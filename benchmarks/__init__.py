@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Benchmarks behind ``python -m benchmarks NAME``: one module each.
+"""Benchmarks behind ``occ bench NAME``: one module each.
 
 Each module has ``run(seconds)``, which returns one document: ``metrics`` and ``peers`` (flat: a
 name with its unit and a number), ``settings``, ``machine`` and ``versions``. ``seconds`` has a

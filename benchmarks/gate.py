@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Gate: does it ever let a command through that no fresh verdict allows?
+"""``occ bench gate``: does a gate ever let a command through that no fresh verdict allows?
 
 A monitor and a gate run as processes of their own. In each interleaving, once the robot drives,
 they are stopped, continued, killed and started again at random times, while obstacles come and go

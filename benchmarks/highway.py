@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Highway: the batched highway beside highway-env on the same scenarios."""
+"""``occ bench highway``: the batched highway beside highway-env on the same scenarios."""
 
 from __future__ import annotations
 

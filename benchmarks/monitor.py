@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Monitor: the node monitor beside a bare rclpy relay of the same messages."""
+"""``occ bench monitor``: the node monitor beside a bare rclpy relay of the same messages."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Worlds: steps of the Safety-Gym tasks beside a bare loop of MuJoCo steps."""
+"""``occ bench worlds``: steps of the Safety-Gym tasks beside a bare loop of MuJoCo steps."""
 
 from __future__ import annotations
 

@@ -174,7 +174,7 @@ def _markdown(result: dict[str, Any]) -> str:
     lines = [
         '# Debouncing of the gate',
         '',
-        'Written by `python -m experiments debouncing`. Stops on '
+        'Written by `occ experiment debouncing`. Stops on '
         f'{result["safe_recordings"]} safe recordings of robots, each judged by rules learned from '
         f'the others, and the longest time from the first violation to the stop on '
         f'{result["other_recordings"]} with contact or bumper. V is VIOLATED, S is SAFE; "N of M" '

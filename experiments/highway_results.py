@@ -43,7 +43,7 @@ def summary(lines: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Sum up the trainings of each agent on each set.
 
     Args:
-        lines: one per training, as ``python -m experiments highway`` makes them.
+        lines: one per training, as ``occ experiment highway`` makes them.
 
     Returns:
         One line per set, agent and way of acting (``sampled`` or ``mean``): rates over the episodes

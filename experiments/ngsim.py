@@ -239,7 +239,7 @@ def markdown(result: Mapping[str, Any]) -> str:
     lines = [
         '# Rules of real drivers, tried on drivers held back',
         '',
-        f'Written by `python -m experiments ngsim`. Contamination {result["contamination"]:g}; '
+        f'Written by `occ experiment ngsim`. Contamination {result["contamination"]:g}; '
         f'{result["held_back"]:.0%} of the vehicles are held back in each split.',
     ]
     for name, found in result['highways'].items():

@@ -257,7 +257,7 @@ def _markdown(result: Mapping[str, Any]) -> str:
     lines = [
         '# Rules of robots, tried on recordings held back',
         '',
-        'Written by `python -m experiments robots`. Contamination '
+        'Written by `occ experiment robots`. Contamination '
         f'{result["contamination"]:g}; the maps beside this page are as suggested.',
     ]
     for kind, found in result['kinds'].items():

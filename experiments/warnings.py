@@ -135,8 +135,7 @@ def _markdown(result: dict[str, Any]) -> str:
     lines = [
         '# Early warnings',
         '',
-        'Written by `python -m experiments warnings`. A warning stands while a violation is '
-        'estimated '
+        'Written by `occ experiment warnings`. A warning stands while a violation is estimated '
         f'within the horizon, by slopes over {result["window"]:g} s; it is false when none comes '
         'within the horizon after it.',
         '',

@@ -46,6 +46,13 @@ class RuleSet:
         OccError: an id is used twice, a demonstrated range is none, a literal speaks of a feature
             that is not there, or an enabled rule can never be true, which in a safety rule is a
             slip and no wish.
+
+    Example:
+        >>> space = occ.FeatureSpace((occ.Feature('speed', 'm/s'),))
+        >>> fast = occ.Rule('fast', (occ.Literal(0, '>', 1.5),))
+        >>> rule_set = occ.RuleSet(space, (fast,), np.array([[0.0, 1.0]]))
+        >>> rule_set.judge(np.array([[1.0], [2.0]])).margin
+        array([ 0.5, -0.5])
     """
 
     space: FeatureSpace

@@ -23,6 +23,10 @@ class Feature:
         high: largest physically possible value.
         family: features of one family measure the same thing in different places or directions,
             like the sectors of a lidar; the learner gives them the same bounds. Empty for none.
+
+    Example:
+        >>> occ.Feature('clearance', 'm', low=0.0)
+        Feature(name='clearance', unit='m', low=0.0, high=inf, family='')
     """
 
     name: str
@@ -39,6 +43,11 @@ class FeatureSpace:
     Raises:
         OccError: no feature at all, a name twice, bounds that leave no value, or a family whose
             members differ in unit or bounds.
+
+    Example:
+        >>> space = occ.FeatureSpace((occ.Feature('speed', 'm/s'), occ.Feature('clearance', 'm')))
+        >>> space.index('clearance')
+        1
     """
 
     features: tuple[Feature, ...]

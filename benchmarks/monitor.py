@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""``occ bench monitor``: the node monitor beside a bare rclpy relay of the same messages."""
+"""The node monitor beside a bare rclpy relay of the same messages."""
 
 from __future__ import annotations
 
@@ -22,7 +22,6 @@ from occ_constraints_pkg.rules.constraints_file import Constraints
 from rclpy.context import Context
 from sensor_msgs.msg import PointCloud2
 
-from benchmarks.conditions import machine, versions
 from benchmarks.synthetic import drives, learned_rules
 from benchmarks.traffic import Answers, Traffic, serialized
 
@@ -147,8 +146,6 @@ def run(seconds: float = 60.0) -> dict[str, Any]:
             'rows_per_message': [1, _MANY_ROWS],
             'seconds': seconds,
         },
-        'machine': machine(),
-        'versions': versions(('numpy', 'ros-jazzy-rclpy')),
     }
 
 

@@ -15,7 +15,6 @@ from occ_constraints_pkg.rules import RuleSet, Verdict
 from occ_constraints_pkg.rules.forecast import Forecast, Forecaster
 from sklearn.tree import DecisionTreeClassifier
 
-from benchmarks.conditions import machine, versions
 from benchmarks.synthetic import TRAINING_ROWS, drives, learned_rules
 
 _ROWS = 1_000_000
@@ -102,8 +101,6 @@ def run(seconds: float = 5.0) -> dict[str, Any]:
             'sklearn_even_depth': even_tree.get_depth(),
             'seconds': seconds,
         },
-        'machine': machine(),
-        'versions': versions(('numpy', 'scikit-learn')),
     }
 
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""What commands share: options, progress, warnings, JSON."""
+"""What commands share: options, reading of data, progress, output."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import math
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any, TextIO
 
@@ -43,6 +43,32 @@ class Seconds(click.FloatRange):
         if not math.isfinite(seconds):
             self.fail(f'got {value!r}; allowed is a finite number', param, ctx)
         return seconds
+
+
+def named_options() -> set[str]:
+    """Return the names of the parameters that stand on the command line of the present command."""
+    context = click.get_current_context()
+    return {
+        name
+        for name in context.params
+        if context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE
+    }
+
+
+def refuse_options(names: Iterable[str], why: str) -> None:
+    """Refuse options that would do nothing: whoever gave one expects another result.
+
+    Args:
+        names: of their parameters.
+        why: the end of the sentence, after the option.
+
+    Raises:
+        OccError: one of them was given.
+    """
+    given = named_options()
+    for parameter in click.get_current_context().command.params:
+        if parameter.name in given.intersection(names):
+            raise ConfigurationError(f'{parameter.opts[-1]} {why}')
 
 
 def end_tidily() -> None:

@@ -65,7 +65,7 @@ def write_demo_page(
     draw_training(output / 'training.png', [history], cost_limit, cost_name='learned cost')
 
     rule_set = constraints.rule_set
-    template = resources.files(__package__).joinpath('demo_page.html.j2').read_text('utf-8')
+    template = resources.files(__package__).joinpath('page.html.j2').read_text('utf-8')
     page = output / 'index.html'
     text = (
         Environment(autoescape=True, undefined=StrictUndefined)

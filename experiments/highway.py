@@ -96,7 +96,7 @@ def run_highway(
 
     Args:
         output: directory for rules and trainings, ``highway.json``, ``highway.md``, the curves in
-            ``highway.png`` and drives in ``highway_drives.png`` and ``highway_drives.gif``.
+            ``highway.png`` and trajectories in ``highway_drives.png`` and ``highway_drives.gif``.
         settings: what to run.
         progress: called with the robot steps made and to make.
         is_stopped: asked now and then; ``True`` ends the run there, saved.

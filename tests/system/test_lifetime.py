@@ -143,16 +143,16 @@ with nodes_running({{'policy': {{}}}}, Path({str(tmp_path)!r}), {nodes.domain}) 
 
 @pytest.mark.skipif(not Path('/proc/self/task').exists(), reason='needs /proc')
 def test_a_witness_leaves_no_threads_behind(nodes):
-    from occ_constraints_pkg.demo.observer import Witness
+    from occ_constraints_pkg.demo.observer import Observer
 
     def threads():
         return len(os.listdir('/proc/self/task'))
 
     # The first one may load what stays for good.
-    with Witness(nodes.domain):
+    with Observer(nodes.domain):
         pass
     before = threads()
-    with Witness(nodes.domain) as witness:
+    with Observer(nodes.domain) as witness:
         witness.spin(0.1)
         assert threads() > before
     assert threads() == before

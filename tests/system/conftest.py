@@ -80,9 +80,9 @@ def nodes(make_nodes):
 @pytest.fixture
 def witness(nodes):
     """Return a listener in this process."""
-    from occ_constraints_pkg.demo.observer import Observer
+    from occ_constraints_pkg.demo.observer import Witness
 
-    with Observer(nodes.domain) as witness:
+    with Witness(nodes.domain) as witness:
         yield witness
 
 

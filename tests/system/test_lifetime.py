@@ -143,16 +143,16 @@ with nodes_running({{'policy': {{}}}}, Path({str(tmp_path)!r}), {nodes.domain}) 
 
 @pytest.mark.skipif(not Path('/proc/self/task').exists(), reason='needs /proc')
 def test_a_witness_leaves_no_threads_behind(nodes):
-    from occ_constraints_pkg.demo.observer import Observer
+    from occ_constraints_pkg.demo.observer import Witness
 
     def threads():
         return len(os.listdir('/proc/self/task'))
 
     # The first one may load what stays for good.
-    with Observer(nodes.domain):
+    with Witness(nodes.domain):
         pass
     before = threads()
-    with Observer(nodes.domain) as witness:
+    with Witness(nodes.domain) as witness:
         witness.spin(0.1)
         assert threads() > before
     assert threads() == before

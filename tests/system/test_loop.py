@@ -35,7 +35,7 @@ class Run:
 
 @pytest.fixture(scope='module', params=RUNS)
 def run(request, make_nodes, rules_of, let_go):
-    from occ_constraints_pkg.demo.observer import Observer
+    from occ_constraints_pkg.demo.observer import Witness
 
     world = request.param
     driver, robots, least = RUNS[world]
@@ -47,7 +47,7 @@ def run(request, make_nodes, rules_of, let_go):
     nodes.start('recorder', output=bag, topics=list(TOPICS))
     policy = nodes.start('policy', policy=driver, wait_for_costs=True)
     nodes.start('sim', world=world, num_robots=robots, wait_for_subscribers=5)
-    with Observer(nodes.domain) as witness:
+    with Witness(nodes.domain) as witness:
         heard = witness.heard
         witness.wait_for_monitor(2)
         let_go(witness)

@@ -87,10 +87,10 @@ class Robot:
 @pytest.fixture(scope='module')
 def shared(make_nodes, rules_of):
     """Return a robot with a monitor that several tests use, one after the other."""
-    from occ_constraints_pkg.demo.observer import Observer
+    from occ_constraints_pkg.demo.observer import Witness
 
     nodes = make_nodes()
-    with Observer(nodes.domain) as witness:
+    with Witness(nodes.domain) as witness:
         robot = Robot(witness)
         # No test is so slow that its silence would be noticed.
         robot.start_monitor(nodes, rules_of['simple_nav'], timeout=100.0)

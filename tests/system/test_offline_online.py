@@ -28,7 +28,7 @@ class LockStep:
 
     def __init__(self, nodes, rules, topics):
         from diagnostic_msgs.msg import DiagnosticArray
-        from occ_constraints_pkg.demo.observer import Observer
+        from occ_constraints_pkg.demo.observer import Witness
         from occ_constraints_pkg.ros.qos import STEPS
         from rosgraph_msgs.msg import Clock
         from sensor_msgs.msg import PointCloud2
@@ -45,7 +45,7 @@ class LockStep:
         self.monitor = nodes.start(
             'monitor', constraints_file=self.rules, timeout=60.0, use_sim_time=True, **reliable
         )
-        self.witness = Observer(nodes.domain)
+        self.witness = Witness(nodes.domain)
         self.costs, self.violations = [], []
         node = self.witness.node
         node.create_subscription(PointCloud2, 'costs', self.costs.append, STEPS)

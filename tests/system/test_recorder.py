@@ -12,7 +12,7 @@ from ruamel.yaml import YAML
 def test_publishers_that_offer_different_qualities_are_recorded_and_played(
     nodes, witness, make_nodes
 ):
-    from occ_constraints_pkg.demo.observer import Observer
+    from occ_constraints_pkg.demo.observer import Witness
     from occ_constraints_pkg.ros.qos import LATCHED, SENSORS
     from rclpy.qos import DurabilityPolicy, QoSProfile
     from std_msgs.msg import String
@@ -36,7 +36,7 @@ def test_publishers_that_offer_different_qualities_are_recorded_and_played(
     # A late subscriber that asks for the most gets all that was latched.
     other, heard = make_nodes(), []
     deep = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    with Observer(other.domain) as listener:
+    with Witness(other.domain) as listener:
         player = other.start('player', bag=bag, rate=100.0, wait_for_subscribers=1)
         listener.node.create_subscription(
             String, 'mixed', lambda message: heard.append(message.data), deep

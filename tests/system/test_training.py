@@ -23,7 +23,7 @@ def test_training_goes_on_when_a_monitor_sleeps_and_when_the_simulation_starts_a
     nodes, witness, rules_of
 ):
     pytest.importorskip('torch', reason="needs the extra 'train'")
-    from occ_constraints_pkg.demo.observer import ALL, Observer
+    from occ_constraints_pkg.demo.observer import ALL, Witness
     from occ_constraints_pkg.ros.messages import to_nanoseconds
     from sensor_msgs.msg import PointCloud2
 
@@ -59,7 +59,7 @@ def test_training_goes_on_when_a_monitor_sleeps_and_when_the_simulation_starts_a
         A listener that comes now hears nothing but that. Messages come in order, so whoever has
         heard it as well has heard all before.
         """
-        with Observer(nodes.domain) as late:
+        with Witness(nodes.domain) as late:
             late.spin_until(lambda: late.heard.true_cost, 30.0)
             last = next(iter(late.heard.true_cost))
         witness.spin_until(lambda: last in done, 30.0)
@@ -198,7 +198,7 @@ def words_of_refusal(make_nodes, rules_of):
     The training's directory is ``output`` of the function, and is there before.
     """
     pytest.importorskip('torch', reason="needs the extra 'train'")
-    from occ_constraints_pkg.demo.observer import Observer
+    from occ_constraints_pkg.demo.observer import Witness
 
     nodes = make_nodes()
     output, rules = nodes.folder / 'training', nodes.folder / 'rules.yaml'
@@ -209,7 +209,7 @@ def words_of_refusal(make_nodes, rules_of):
         learner = nodes.start('constrained_learner', output=output, rollout_steps=32, **parameters)
         nodes.start('monitor', constraints_file=rules)
         nodes.start('sim', world='simple_nav', num_robots=ROBOTS, wait_for_subscribers=2)
-        with Observer(nodes.domain) as witness:
+        with Witness(nodes.domain) as witness:
             witness.spin_until(lambda: not learner.is_running, 60.0)
         assert learner.exit_code == 2
         return learner.last_words()

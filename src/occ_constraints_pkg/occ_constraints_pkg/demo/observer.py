@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""An observer that listens to a monitor and compares its verdicts with the simulation's truth."""
+"""A bystander that listens to a monitor and compares its verdicts with the simulation's truth."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from occ_constraints_pkg.ros.messages import to_nanoseconds
 from occ_constraints_pkg.ros.qos import SETTLED_LOOKS
 
 _LOOK_SECONDS = 0.05
-# An observer holds nobody up: while it waits for a process to end, the others go on. Where none of
+# A bystander holds nobody up: while it waits for a process to end, the others go on. Where none of
 # their messages may be missed, their publishers must keep as many (``qos_overrides``).
 ALL = QoSProfile(depth=20_000, reliability=ReliabilityPolicy.RELIABLE)
 # A client knows a service before the service knows the client, and an answer sent within that
@@ -74,12 +74,12 @@ class Heard:
         }
 
 
-class Observer:
+class Witness:
     """Subscribes to observation, costs, cost and violation in a ROS context of its own.
 
     Attributes:
         heard: what came in so far.
-        node: the node that listens, also for publishers and clients of the caller.
+        node: the node that listens, for whoever wants to talk as well.
 
     Args:
         domain: ROS domain id.
@@ -94,7 +94,7 @@ class Observer:
         # Read when the context is made: the nodes it listens to are on this machine.
         os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
         rclpy.init(context=self._context, domain_id=domain)
-        self.node = Node('observer', namespace=namespace, context=self._context)
+        self.node = Node('witness', namespace=namespace, context=self._context)
         self._executor = EventsExecutor(context=self._context)
         self._executor.add_node(self.node)
         for kind, topic, callback in (
@@ -106,7 +106,7 @@ class Observer:
         ):
             self.node.create_subscription(kind, topic, callback, ALL)
 
-    def __enter__(self) -> Observer:
+    def __enter__(self) -> Witness:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -123,9 +123,7 @@ class Observer:
         """
         self.spin(seconds, condition)
         if not condition():
-            raise ConfigurationError(
-                f'what the nodes should do did not happen within {seconds:g} s'
-            )
+            raise ConfigurationError(f'nothing came of waiting {seconds:g} s for the nodes')
 
     def spin(self, seconds: float, condition: Callable[[], bool] = lambda: False) -> None:
         """Listen for a while, or until ``condition`` holds if that is sooner."""
@@ -186,7 +184,7 @@ class Observer:
         try:
             true_cost = Table.from_message(message).column('true_cost')
         except OccError:
-            # Robots without a true cost are not compared.
+            # A bystander does not mind what a robot says that knows no true cost.
             return
         self.heard.true_cost[to_nanoseconds(message.header.stamp)] = true_cost
 

@@ -132,6 +132,13 @@ class _BagCommand(click.Command):
     """
 
     lists = frozenset({'--topics', '--exclude-topics', '--remap', '-m'})
+    # Other names, of this program's earlier versions and of `ros2 bag`; these take one value.
+    others: Mapping[str, str] = {
+        '--topic': '--topics',
+        '--exclude-topic': '--exclude-topics',
+        '--all-topics': '--all',
+        '--compression-format': '--compression',
+    }
     hints: Mapping[str, str] = {
         '--services': 'services are neither recorded nor played',
         '--all-services': 'services are not recorded',
@@ -166,12 +173,14 @@ class _BagCommand(click.Command):
             ) from error
 
     def _repeated(self, args: Sequence[str]) -> list[str]:
-        """Return the arguments with the name of a list's option before each of its values."""
+        """Return the arguments with a list's option before each of its values."""
         result: list[str] = []
         option, is_first = '', True
         for argument in args:
             if argument.startswith('-'):
                 option, is_first = argument if argument in self.lists else '', True
+                name, equals, value = argument.partition('=')
+                argument = self.others.get(name, name) + equals + value
             elif option:
                 result += [] if is_first else [option]
                 is_first = False
@@ -180,15 +189,14 @@ class _BagCommand(click.Command):
 
 
 _CHOICE = (
-    click.option('-e', '--regex', default='', help='Topics with this pattern in their name too.'),
+    click.option('-e', '--regex', default='', help='Pattern of topics to add.'),
     click.option(
-        *('--exclude-topics', '--exclude-topic', 'exclude_topics'),
-        multiple=True,
-        metavar='TOPIC...',
-        help='Not these.',
+        '--exclude-topics', multiple=True, metavar='TOPIC...', help='Topics to leave out.'
     ),
     click.option(
-        *('-x', '--exclude-regex'), default='', help='Nor topics with this pattern in their name.'
+        *('-x', '--exclude-regex'),
+        default='',
+        help='Pattern of topics to leave out.',
     ),
     click.option('--node-name', hidden=True),
     click.option('--log-level', hidden=True),
@@ -206,9 +214,13 @@ def _bag_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 @click.command(cls=_BagCommand)
 @click.argument('topics', nargs=-1)
-@click.option('-a', '--all', '--all-topics', 'everything', is_flag=True, help='The default.')
+@click.option('-a', '--all', 'everything', is_flag=True, help='Record all topics; the default.')
 @click.option(
-    '--topics', 'named', multiple=True, metavar='TOPIC...', help='As arguments without this option.'
+    '--topics',
+    'named',
+    multiple=True,
+    metavar='TOPIC...',
+    help='The same as the arguments.',
 )
 @click.option(
     '-o',
@@ -217,12 +229,7 @@ def _bag_options(command: Callable[..., Any]) -> Callable[..., Any]:
     help='Directory of the new bag; default: rosbag2_ and the time.',
 )
 @_bag_options
-@click.option(
-    *('--compression', '--compression-format', 'compression'),
-    default='zstd',
-    show_default=True,
-    help='zstd, lz4 or none.',
-)
+@click.option('--compression', default='zstd', show_default=True, help='zstd, lz4 or none.')
 @click.option(
     '-b',
     '--max-bag-size',
@@ -269,9 +276,7 @@ def record(
 
 @click.command(cls=_BagCommand)
 @click.argument('bag', type=click.Path())
-@click.option(
-    *('--topics', '--topic', 'topics'), multiple=True, metavar='TOPIC...', help='Play only these.'
-)
+@click.option('--topics', multiple=True, metavar='TOPIC...', help='Play only these.')
 @_bag_options
 @click.option(
     '-m', '--remap', multiple=True, metavar='FROM:=TO...', help='Publish under other names.'

@@ -35,10 +35,6 @@ from occ_constraints_pkg.learning.rules_text import (
     file_document,
 )
 from occ_constraints_pkg.learning.scoring_text import describe_score, score_document
-from occ_constraints_pkg.learning.simplification_text import (
-    describe_simplification,
-    simplification_document,
-)
 from occ_constraints_pkg.rules.forecast import WINDOW_SECONDS
 from occ_constraints_pkg.terminal import printable
 from occ_constraints_pkg.traffic.rules_text import rule_rows, rules_table
@@ -304,6 +300,10 @@ def simplify(
     \b
     Example: occ simplify constraints.yaml -o shorter.yaml
     """
+    from occ_constraints_pkg.learning.simplification import (
+        describe_simplification,
+        simplification_document,
+    )
     from occ_constraints_pkg.learning.simplification import simplify as simplify_rules
     from occ_constraints_pkg.rules.constraints_file import load_constraints, save_derived
 

@@ -9,13 +9,13 @@ unit and a number; peers are what ran beside it) and ``settings``. ``seconds`` h
 # The module of the name is imported when it runs, for some need extras.
 BENCHMARKS = {
     'learn': 'Learning from a million samples beside an Isolation Forest.',
-    'learn_growth': 'Time to learn from 10^5 to 10^7 samples; takes some 6 GB of memory.',
+    'learn_growth': 'Learning from 10^5 to 10^7 samples; takes 6 GB of memory.',
     'loop': 'Training over topics beside training in one process.',
     'train': 'The same for longer, and occ train with the true cost.',
     'rules': 'Judging by rules beside a decision tree of scikit-learn.',
-    'monitor': 'The node monitor beside a bare relay of the same messages; takes 4 minutes.',
-    'record': 'What a recorder of 200 topics loses when it is killed; takes 5 minutes.',
-    'gate': 'Random stops, kills and restarts of monitor and gate: commands that should be zero.',
+    'monitor': 'The monitor beside a bare relay; takes 4 minutes.',
+    'record': 'What a killed recorder of 200 topics loses; takes 5 minutes.',
+    'gate': 'The gate under random stops, kills and restarts.',
     'bags': 'Features of a bag beside its messages deserialized by rosbags.',
     'highway': 'The world highway beside highway-env.',
     'worlds': 'The Safety-Gym tasks beside a bare loop of MuJoCo steps.',

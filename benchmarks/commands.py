@@ -24,8 +24,8 @@ from benchmarks.conditions import machine, versions
 def cli(context: click.Context) -> None:
     """Measure speed, from the root of a clone.
 
-    Each prints metrics, the same of what ran beside it, and with --json also the machine and the
-    versions of what was measured.
+    Each prints its metrics and those of its peers, which ran beside it; with --json also the
+    machine and the versions of what was measured.
 
     \b
     Example: python -m benchmarks loop --json

@@ -213,7 +213,7 @@ def transfer(output: Path, as_json: bool, **given: Any) -> None:
 @click.option('--seeds', default=3, type=_AT_LEAST_1, show_default=True)
 @_writes('highway')
 def highway(output: Path, as_json: bool, **given: Any) -> None:
-    """Train on a highway with and without rules learned from its traffic.
+    """Train on a highway with and without rules of its traffic.
 
     Writes highway.png, and trajectories as highway_drives.png and .gif, as well. A stopped run
     continues where it was.
@@ -239,9 +239,9 @@ def highway(output: Path, as_json: bool, **given: Any) -> None:
 @click.option('--kind', 'kinds', multiple=True, help='Only this kind of robot; may be repeated.')
 @_writes()
 def robots(**given: Any) -> None:
-    """Learn from safe recordings of robots; judge those held back and those with contact.
+    """Judge recordings of robots, held back or with contact.
 
-    Recordings are named safe_KIND_NAME, contact_KIND_NAME or bump_KIND_NAME. Writes the feature
+    The rules are learned from safe recordings. Recordings are named safe_KIND_NAME, contact_KIND_NAME or bump_KIND_NAME. Writes the feature
     maps as well.
 
     \b
@@ -264,7 +264,7 @@ def robots(**given: Any) -> None:
 )
 @_writes()
 def warnings(**given: Any) -> None:
-    """Measure how early violations are warned of, and how often falsely.
+    """Measure how early, and how often falsely, warnings come.
 
     On recordings as of the experiment robots, and on those of this repository.
 
@@ -278,7 +278,7 @@ def warnings(**given: Any) -> None:
 @_reads('robots')
 @_writes()
 def debouncing(**given: Any) -> None:
-    """Compare ways of debouncing verdicts before the gate stops a robot.
+    """Compare ways to debounce verdicts before the gate stops.
 
     On recordings as of the experiment robots.
 

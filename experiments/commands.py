@@ -15,8 +15,8 @@ from occ_constraints_pkg.cli.common import (
     help_without_command,
     print_json,
     progress_bar,
+    report,
     say_lines,
-    tell,
 )
 from occ_constraints_pkg.errors import import_needed
 from occ_constraints_pkg.stopping import stop_request
@@ -70,7 +70,7 @@ def _run(name: str, label: str, output: Path, as_json: bool, **given: Any) -> No
     with progress_bar(label) as progress:
         result = run(output, progress=progress, **given)
     for reason in result.get('skipped', {}).values():
-        tell(f'skipped: {reason}')
+        report(f'skipped: {reason}')
     if as_json:
         print_json(result)
     elif result.get('lines', True):
@@ -241,8 +241,8 @@ def highway(output: Path, as_json: bool, **given: Any) -> None:
 def robots(**given: Any) -> None:
     """Judge recordings of robots, held back or with contact.
 
-    The rules are learned from safe recordings. Recordings are named safe_KIND_NAME, contact_KIND_NAME or bump_KIND_NAME. Writes the feature
-    maps as well.
+    The rules are learned from safe recordings. Recordings are named safe_KIND_NAME,
+    contact_KIND_NAME or bump_KIND_NAME. Writes the feature maps as well.
 
     \b
     Example: python -m experiments robots --data recordings --kind tb3 -o results

@@ -98,7 +98,7 @@ def needed_cost(data: Any, paths: tuple[str, ...]) -> Any:
 
 
 def say(sentence: str) -> None:
-    """Print one line on stdout, whatever stands in the sentence.
+    """Print one line on stdout, whatever is in the sentence.
 
     Raises:
         OccError: it cannot be written.
@@ -110,7 +110,7 @@ def say_lines(text: str, *, nl: bool = True) -> None:
     """Print text of several lines on stdout; other control characters are written out.
 
     When the reader has gone, as in ``occ check | head``, the rest is dropped: what the command
-    found is still told by its exit code.
+    found is still reported by its exit code.
 
     Raises:
         OccError: it cannot be written.
@@ -126,8 +126,8 @@ def say_lines(text: str, *, nl: bool = True) -> None:
         ) from error
 
 
-def tell(sentence: str) -> None:
-    """Print one line on stderr, whatever stands in the sentence."""
+def report(sentence: str) -> None:
+    """Print one line on stderr, whatever is in the sentence."""
     try:
         click.echo(printable(sentence), err=True)
     except OSError:
@@ -149,7 +149,7 @@ def help_without_command(context: click.Context) -> None:
 
 def warn(sentence: str) -> None:
     """Print a warning on stderr."""
-    tell(f'warning: {sentence}')
+    report(f'warning: {sentence}')
 
 
 def checked_cost_limit(_context: Any, _parameter: Any, text: str) -> float | str:

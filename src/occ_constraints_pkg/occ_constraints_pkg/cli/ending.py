@@ -12,7 +12,7 @@ import click
 
 import occ_constraints_pkg
 from occ_constraints_pkg.cli import damage, interrupt
-from occ_constraints_pkg.cli.common import discard, tell
+from occ_constraints_pkg.cli.common import discard, report
 from occ_constraints_pkg.errors import OccError, missing_extra
 
 
@@ -34,12 +34,12 @@ def run_command(command: click.Command, argv: Sequence[str] | None = None) -> in
         sentence = _sentence(error)
         if sentence is None:
             raise
-        tell(f'error: {sentence}')
+        report(f'error: {sentence}')
         return 2
 
 
 def _stopped() -> int:
-    tell('stopped')
+    report('stopped')
     return 130
 
 

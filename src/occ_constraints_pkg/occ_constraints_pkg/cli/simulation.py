@@ -16,8 +16,8 @@ from occ_constraints_pkg.cli.common import (
     number,
     print_json,
     progress_bar,
+    report,
     say,
-    tell,
 )
 from occ_constraints_pkg.errors import ConfigurationError, import_needed
 from occ_constraints_pkg.files import check_outputs
@@ -91,7 +91,7 @@ def _learner(_context: Any, _parameter: Any, texts: tuple[str, ...]) -> dict[str
     metavar='FIRST:END',
     help='Several trainings over the cores, each in OUTPUT/seed_N; 0:5 means 0 to 4.',
 )
-@click.option('--resume', is_flag=True, help='Go on from the checkpoint in OUTPUT, if any.')
+@click.option('--resume', is_flag=True, help='Continue from the checkpoint in OUTPUT, if any.')
 @click.option('--device', default='cpu', show_default=True, help='Where updates are computed.')
 @click.option(
     '--processes',
@@ -145,7 +145,7 @@ def train(
     else:
         _train_several(settings, seeds, Path(output), resume, limit, as_json)
     if stop_request.made:
-        # All is saved; told and ended as any other stopped command.
+        # All is saved; reported and ended as any other stopped command.
         raise KeyboardInterrupt
 
 
@@ -162,10 +162,10 @@ def _train_one(run: Any, settings: Any, output: Path, resume: bool, as_json: boo
                 f'multiplier {metrics.multiplier:.2f} {metrics.steps_per_s:.0f} steps/s',
             ),
             is_stopped=lambda: stop_request.made or parent_is_gone(),
-            say=tell,
+            say=report,
         )
     if not result.history:
-        tell('stopped before the first update; nothing was learned')
+        report('stopped before the first update; nothing was learned')
         return
     _draw_curves(output, [result.history], result.cost_limit, settings.cost)
     if as_json:
@@ -194,7 +194,7 @@ def _train_several(
         directories = train_seeds(arguments, seeds, output, progress=show)
     summary, histories = seeds_summary(directories)
     if not histories:
-        tell('stopped before the first update of any seed; nothing was learned')
+        report('stopped before the first update of any seed; nothing was learned')
         return
     _draw_curves(output, histories, limit, settings.cost)
     if as_json:
@@ -215,7 +215,7 @@ def _draw_curves(output: Path, histories: list, limit: float, cost: str) -> None
     try:
         from occ_constraints_pkg.agents.curves import draw_training
     except ModuleNotFoundError:
-        tell("no curves.png: it needs the extra 'report'")
+        report("no curves.png: it needs the extra 'report'")
         return
     draw_training(
         output / 'curves.png',
@@ -237,7 +237,9 @@ def _interval(numbers: dict[str, Any], name: str) -> str:
 @click.option('--seed', default=1, type=click.IntRange(min=0), show_default=True)
 @click.option('--explore', is_flag=True, help='Sample actions instead of taking the mean.')
 @click.option(
-    '--cost', type=click.Path(), help='Constraints file that tells the cost; default: true cost.'
+    '--cost',
+    type=click.Path(),
+    help='Constraints file to take the cost from; default: true cost.',
 )
 @JSON
 def evaluate(
@@ -322,12 +324,12 @@ def _world_of(policy: str) -> str:
     default='drive.gif',
     show_default=True,
     type=click.Path(),
-    help='.png: picture of the path; .gif, or .mp4 with ffmpeg: film.',
+    help='.png: picture of the trajectory; .gif, or .mp4 with ffmpeg: film.',
 )
 @click.option(
     '--steps',
     type=click.IntRange(min=1),
-    help='At most so many, but on the highway. Default: a whole episode.',
+    help='Largest number of steps, except on the highway; default: a whole episode.',
 )
 @click.option(
     '--seed',
@@ -340,7 +342,7 @@ def _world_of(policy: str) -> str:
     '-c',
     '--constraints',
     type=click.Path(),
-    help='On the highway: rules whose violations are drawn beside the drive.',
+    help='On the highway: rules whose violations are drawn beside the trajectory.',
 )
 @JSON
 def drive(
@@ -395,7 +397,7 @@ def drive(
 def _drive_highway(
     world: str, driver: str, output: Path, number: int, constraints: str | None
 ) -> dict[str, float]:
-    """Draw a drive through a scenario of the highway; return what it brought."""
+    """Draw an episode of a scenario of the highway; return its steps, return and cost."""
     import numpy as np
 
     from occ_constraints_pkg.agents.drivers import find_driver

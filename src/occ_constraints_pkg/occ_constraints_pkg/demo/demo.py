@@ -95,7 +95,7 @@ def run_demo(output: Path, *, train_seconds: float = 120.0) -> int:
 
 
 def _learn_and_watch(bag: Path, rules: Path, logs: Path, domain: int) -> dict[str, Any]:
-    """Run tree_learner and monitor; observe an episode of an unconstrained driver."""
+    """Run tree_learner and monitor; listen while an unconstrained driver drives."""
     from occ_constraints_pkg.demo.observer import Witness
     from occ_constraints_pkg.learning.rules_text import describe_rules
 

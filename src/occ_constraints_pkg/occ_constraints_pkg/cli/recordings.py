@@ -132,7 +132,7 @@ class _BagCommand(click.Command):
     """
 
     lists = frozenset({'--topics', '--exclude-topics', '--remap', '-m'})
-    # Other names, of this program's earlier versions and of `ros2 bag`; these take one value.
+    # Other names, of earlier versions and of `ros2 bag`; each takes one value at most.
     others: Mapping[str, str] = {
         '--topic': '--topics',
         '--exclude-topic': '--exclude-topics',
@@ -154,7 +154,14 @@ class _BagCommand(click.Command):
         '--polling-interval': 'new topics are found within a second',
         '--no-discovery': 'name the topics to record only those',
         '--qos-profile-overrides-path': 'QoS is that of the publishers, or as recorded',
+        '--start-paused': 'recording starts at once',
+        '--storage-config-file': 'see --compression',
+        '--storage-preset-profile': 'see --compression',
         '--playback-duration': 'stop the player when it is enough',
+        '--playback-until-sec': 'stop the player when it is enough',
+        '--playback-until-nsec': 'stop the player when it is enough',
+        '--read-ahead-queue-size': 'messages are read as they are played',
+        '-d': 'see --start-paused and --wait-for-subscribers',
         '--delay': 'see --start-paused and --wait-for-subscribers',
         '--wait-for-all-acked': 'the last messages are always waited for',
         '--clock-topics': 'see --clock, a rate in Hz',

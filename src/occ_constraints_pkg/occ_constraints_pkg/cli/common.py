@@ -92,7 +92,7 @@ def needed_cost(data: Any, paths: tuple[str, ...]) -> Any:
     if data.true_cost is None:
         raise ConfigurationError(
             f'{", ".join(paths)}: no true cost to score on; needed is a column true_cost in the '
-            'pace topic of a recording, or cost or true_cost in a table'
+            'trigger topic of a recording (pace), or cost or true_cost in a table'
         )
     return data.true_cost
 

@@ -32,7 +32,6 @@ ARROWS = {
         'agents',
         'checking',
         'datasets',
-        'demo',
         'features',
         'learning',
         'nodes',

@@ -195,7 +195,7 @@ def test_too_long_a_name_is_told(folder, run_occ, monkeypatch):
         assert lines[0].startswith('error: ')
 
 
-@pytest.mark.parametrize('group', ['features', 'export', 'experiment'])
+@pytest.mark.parametrize('group', ['features', 'export'])
 def test_a_group_without_a_command_prints_its_help(run_occ, group):
     code, out, err = run_occ(group)
     assert (code, err) == (0, '')

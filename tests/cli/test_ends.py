@@ -118,9 +118,10 @@ def test_ctrl_c_in_the_first_half_second_is_one_word(folder, delay):
 def test_ctrl_c_while_a_text_is_executed_is_no_death_by_a_signal(folder):
     # As in an import that makes dataclasses; CPython remembers it.
     code = (
-        'import sys\nfrom occ_constraints_pkg.cli.commands import cli, run_command\n'
+        'import sys\nfrom occ_constraints_pkg.__main__ import main\n'
+        'from occ_constraints_pkg.cli.commands import cli\n'
         "@cli.command()\ndef interrupted():\n    exec('raise KeyboardInterrupt')\n"
-        "sys.exit(run_command(['interrupted']))"
+        "sys.argv = ['occ', 'interrupted']\nsys.exit(main())"
     )
     (folder / 'program.py').write_text(code)
     command = [sys.executable, '-m', 'program']

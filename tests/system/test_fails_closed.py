@@ -131,8 +131,8 @@ def test_a_clock_that_is_missing_paused_or_set_back_is_unknown(nodes, witness):
 
 def test_a_table_that_is_published_best_effort_is_unknown_and_named(nodes, witness, rules_of):
     from diagnostic_msgs.msg import DiagnosticArray
-    from occ_constraints_pkg.ros.messages import table_message
     from occ_constraints_pkg.ros.qos import SENSORS, STEPS
+    from occ_constraints_pkg.ros.tables import table_message
     from sensor_msgs.msg import PointCloud2
 
     rules_of['simple_nav'].save(nodes.folder / 'rules.yaml')

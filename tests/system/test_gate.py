@@ -32,7 +32,7 @@ class Robot:
 
     def drive(self, speed=1.0, turn=0.5):
         """Send one observation and one command."""
-        from occ_constraints_pkg.ros.messages import table_message
+        from occ_constraints_pkg.ros.tables import table_message
 
         values = np.zeros((1, len(COLUMNS)), dtype=np.float32)
         values[0, :2] = self.state
@@ -152,7 +152,7 @@ class Verdicts:
     def message(self, letter='S', stamp_ns=None, judged_ns=None):
         """Return a verdict: S, V or U; stamped now unless told otherwise."""
         from diagnostic_msgs.msg import DiagnosticArray
-        from occ_constraints_pkg.ros.diagnostics import status
+        from occ_constraints_pkg.nodes.monitor.diagnostics import status
         from occ_constraints_pkg.ros.messages import to_time
 
         level, text = {

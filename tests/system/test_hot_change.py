@@ -50,7 +50,7 @@ class Flood:
         return self.client.call_async(self.client.srv_type.Request(parameters=parameters))
 
     def send(self, stamp, rng):
-        from occ_constraints_pkg.ros.messages import table_message
+        from occ_constraints_pkg.ros.tables import table_message
 
         values = rng.random((ROBOTS, 2)).astype(np.float32)
         self.values[stamp] = values.astype(np.float64)

@@ -13,8 +13,8 @@ COLUMNS = ('x', 'y', 'reward', 'terminated', 'truncated', 'episode', 'true_cost'
 @pytest.fixture
 def drive(witness):
     """Return a function that publishes one observation of robots."""
-    from occ_constraints_pkg.ros.messages import table_message
     from occ_constraints_pkg.ros.qos import STEPS
+    from occ_constraints_pkg.ros.tables import table_message
     from sensor_msgs.msg import PointCloud2
 
     publisher = witness.node.create_publisher(PointCloud2, 'observation', STEPS)

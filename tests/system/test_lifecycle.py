@@ -51,7 +51,7 @@ class Manager:
         return answer.results[0]
 
     def drive(self):
-        from occ_constraints_pkg.ros.messages import table_message
+        from occ_constraints_pkg.ros.tables import table_message
 
         self.stamp += 10**8
         table = Table(('x', 'y'), np.array([SAFE], dtype=np.float32))

@@ -266,7 +266,7 @@ MISSING = {
     'rclpy': "'rclpy', which is not installed: pip install 'occ_constraints_pkg[ros]'",
     'diagnostic_msgs': "pip install 'occ_constraints_pkg[ros]'",
     'ruamel': 'source .venv/bin/activate), or pip install occ_constraints_pkg',
-    'mcap': 'source .venv/bin/activate), or pip install occ_constraints_pkg',
+    'numpy': 'source .venv/bin/activate), or pip install occ_constraints_pkg',
 }
 
 

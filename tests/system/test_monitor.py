@@ -45,7 +45,7 @@ class Robot:
         self.witness.spin_until(condition, seconds)
 
     def message(self, *rows, columns=COLUMNS):
-        from occ_constraints_pkg.ros.messages import table_message
+        from occ_constraints_pkg.ros.tables import table_message
 
         values = np.zeros((len(rows), len(columns)), dtype=np.float32)
         if rows:

@@ -10,8 +10,8 @@ from occ_constraints_pkg.features.table import Table
 
 def test_monitors_in_two_namespaces_do_not_mix(nodes, witness, rules_of):
     from diagnostic_msgs.msg import DiagnosticArray
-    from occ_constraints_pkg.ros.messages import table_message
     from occ_constraints_pkg.ros.qos import STEPS
+    from occ_constraints_pkg.ros.tables import table_message
     from sensor_msgs.msg import PointCloud2
 
     rules = nodes.folder / 'rules.yaml'
@@ -76,7 +76,8 @@ class Robot:
         witness.node.create_subscription(Twist, f'/{name}/cmd_vel', self._on_output, 10)
 
     def _on_observation(self, message):
-        from occ_constraints_pkg.ros.messages import table_message, to_nanoseconds
+        from occ_constraints_pkg.ros.messages import to_nanoseconds
+        from occ_constraints_pkg.ros.tables import table_message
 
         table = Table(('d_x', 'd_y'), np.array([[0.0, self.up]], dtype=np.float32))
         stamp = to_nanoseconds(message.header.stamp)

@@ -37,8 +37,9 @@ class Stage:
 
     def say(self, stamp, kind=WORLD, world=WORLD.name, rules='rules') -> bool:
         """Show a step, and what it costs; return whether it has been answered before."""
-        from occ_constraints_pkg.ros.table_topics import table_bytes
-        from occ_constraints_pkg.ros.tables import COST_COLUMNS, observation_table
+        from occ_constraints_pkg.nodes.lockstep import observation_table
+        from occ_constraints_pkg.nodes.monitor.outputs import COST_COLUMNS
+        from occ_constraints_pkg.ros.tables import table_bytes
         from occ_constraints_pkg.worlds.stream import StepBatch
 
         none, never = np.zeros(ROBOTS), np.zeros(ROBOTS, dtype=bool)
@@ -75,7 +76,7 @@ def start_learner(nodes):
 def test_nothing_is_learned_from_a_step_that_another_node_answered_too(
     nodes, witness, stage, start_learner
 ):
-    from occ_constraints_pkg.ros.table_topics import table_bytes
+    from occ_constraints_pkg.ros.tables import table_bytes
 
     start, output = start_learner
     learner = start()
@@ -140,7 +141,7 @@ def test_a_driver_takes_up_another_world(nodes, stage):
 
 @pytest.mark.parametrize('rate', [0.0, 20.0])
 def test_an_action_that_cannot_be_taken_is_ignored(nodes, witness, stage, rate):
-    from occ_constraints_pkg.ros.table_topics import table_bytes
+    from occ_constraints_pkg.ros.tables import table_bytes
 
     action = stage.publisher('action')
     sim = nodes.start('sim', world=WORLD.name, num_robots=2, rate=rate, repeat_after=0.1)

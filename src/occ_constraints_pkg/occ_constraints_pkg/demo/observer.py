@@ -25,7 +25,7 @@ from occ_constraints_pkg.errors import ConfigurationError, OccError
 from occ_constraints_pkg.features.table import Table
 from occ_constraints_pkg.learning.scoring import score_flags
 from occ_constraints_pkg.ros.messages import to_nanoseconds
-from occ_constraints_pkg.ros.qos import SETTLED_LOOKS
+from occ_constraints_pkg.ros.qos import SETTLED_CHECKS
 
 _LOOK_SECONDS = 0.05
 # A bystander holds nobody up: while it waits for a process to end, the others go on. Where none of
@@ -161,7 +161,7 @@ class Witness:
         """
         client = self.node.create_client(kind, service)
         self.spin_until(client.service_is_ready, seconds)
-        self.spin(SETTLED_LOOKS * _LOOK_SECONDS)
+        self.spin(SETTLED_CHECKS * _LOOK_SECONDS)
         end = time.monotonic() + seconds
         futures: list[Future] = []
         while time.monotonic() < end:

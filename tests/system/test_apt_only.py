@@ -3,6 +3,7 @@
 """Monitor and gate run on what apt has on Ubuntu 24.04 with ROS 2 Jazzy, nothing else."""
 
 import itertools
+import os
 import re
 import subprocess
 import sys
@@ -91,7 +92,8 @@ def modules_folder(tmp_path, monkeypatch):
     (tmp_path / 'sitecustomize.py').write_text(SITECUSTOMIZE)
     folder = tmp_path / 'modules'
     folder.mkdir()
-    monkeypatch.setenv('PYTHONPATH', str(tmp_path))
+    before = os.environ.get('PYTHONPATH', '')
+    monkeypatch.setenv('PYTHONPATH', f'{tmp_path}{os.pathsep}{before}')
     monkeypatch.setenv('MODULES_FOLDER', str(folder))
     return folder
 

@@ -182,7 +182,7 @@ def test_the_learner_waits_for_a_monitor_that_knows(nodes, witness, rules_of):
 
     witness.spin_until(says('there is no monitor'), 60.0)
     monitor = nodes.start('monitor', constraints_file=nodes.folder / 'unknowing.yaml')
-    witness.spin_until(says('the monitor says UNKNOWN of every robot'), 60.0)
+    witness.spin_until(says('the monitor reports UNKNOWN for every robot'), 60.0)
     # Not one action was given.
     assert len(witness.heard.true_cost) == 1
     nodes.stop(monitor)

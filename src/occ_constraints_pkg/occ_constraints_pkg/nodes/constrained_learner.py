@@ -127,12 +127,12 @@ class ConstrainedLearner(OccNode):
         unknown = verdicts.column('verdict') == Verdict.UNKNOWN
         if unknown.all():
             # No cost at all: the step is left open until the monitor knows.
-            self._problem = 'the monitor says UNKNOWN of every robot'
+            self._problem = 'the monitor reports UNKNOWN for every robot'
             return
         if unknown.any():
             self.get_logger().warning(
-                f'the monitor says UNKNOWN of {unknown.sum()} robot(s), which costs as much as a '
-                'violation',
+                f'the monitor reports UNKNOWN for {unknown.sum()} robot(s), which costs as much as '
+                'a violation',
                 throttle_duration_sec=5.0,
             )
         self._end_waiting()
@@ -222,7 +222,7 @@ class ConstrainedLearner(OccNode):
             problem = self._problem or f'nothing new comes on {silent}'
         self._is_waiting = True
         self.get_logger().warning(
-            f'training waits since {waited:.0f} s: {problem}', throttle_duration_sec=5.0
+            f'training has been waiting for {waited:.0f} s: {problem}', throttle_duration_sec=5.0
         )
 
     def _end_waiting(self) -> None:

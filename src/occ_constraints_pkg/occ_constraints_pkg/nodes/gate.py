@@ -230,7 +230,7 @@ class Gate(OccNode):
         was_paused = now - self._ticked > self._period + self._timeout
         for source in self._sources:
             if was_paused:
-                reason = f'the gate itself stood still for more than {self._timeout:g} s'
+                reason = f'the gate itself was paused for more than {self._timeout:g} s'
                 source.gate.trip(reason, now)
             source.check_publishers(now)
         return min((source.gate.output(now) for source in self._sources), key=attrgetter('scale'))

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""What ``--help`` says of a node: its parameters, topics and services."""
+"""What ``--help`` prints for a node: its parameters, topics and services."""
 
 from __future__ import annotations
 

@@ -79,7 +79,7 @@ class Player(OccNode):
         publishers = {}
         for topic in topics:
             if topic == _CLOCK and self._clock_rate:
-                self.get_logger().info('the recorded /clock gives way to the one of this player')
+                self.get_logger().info('the recorded /clock is replaced by that of this player')
                 continue
             info = recording.topics[topic]
             try:
@@ -105,7 +105,7 @@ class Player(OccNode):
         return publishers
 
     def _waits_for(self) -> str:
-        """Say what has to happen before anything is played."""
+        """Return what has to happen before anything is played."""
         waits = []
         if self._wanted:
             waits.append(f'{self._wanted} subscription{"s" if self._wanted > 1 else ""}')

@@ -23,7 +23,7 @@ from occ_constraints_pkg.rosbag.qos import from_profile
 from occ_constraints_pkg.rosbag.writer import FLUSH_SECONDS, BagWriter
 
 _INSPECT_SECONDS = 0.1
-# Of these, so much is for topics and the rest for messages: to subscribe to thousands takes long.
+# Of these, so much is for topics and the rest for messages: thousands of subscriptions take long.
 _INSPECT_SHARE_SECONDS = 0.04
 # A topic that was asked for and that nobody publishes by then may be misspelled.
 _PATIENCE_SECONDS = 5.0
@@ -162,7 +162,7 @@ class Recorder(OccNode):
         of the clock wait in the same queue, so they are as late.
         """
         clock = self.get_clock()
-        # Not every middleware tells the time.
+        # Not every middleware reports the time.
         if clock.ros_time_is_active or not info['received_timestamp']:
             return clock.now().nanoseconds
         return info['received_timestamp']

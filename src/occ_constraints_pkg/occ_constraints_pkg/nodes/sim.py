@@ -57,7 +57,7 @@ class Sim(OccNode):
         by_velocity = self.parameter(
             'drive_by_cmd_vel',
             False,
-            'take cmd_vel instead of action, for the only robot; in real time unless rate is set',
+            'drive the only robot by cmd_vel, not by action; in real time unless rate is set',
         )
         self._velocity_timeout = self.parameter(
             'cmd_vel_timeout', 0.5, 'seconds without cmd_vel until the robot stops', low=0.01
@@ -126,7 +126,7 @@ class Sim(OccNode):
             if table.names != self._action_names:
                 raise ConfigurationError(
                     f'an action has the columns {", ".join(table.names)}; '
-                    f'this world takes {", ".join(self._action_names)}'
+                    f'this world has {", ".join(self._action_names)}'
                 )
             if self._in_step:
                 self._step(table.values)

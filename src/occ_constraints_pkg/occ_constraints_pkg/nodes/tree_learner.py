@@ -67,7 +67,7 @@ class TreeLearner(OccNode):
         alarm = self.parameter(
             'false_alarm',
             0.0,
-            'probability of an alarm in a fresh safe episode to keep to; 0: no promise',
+            'probability of an alarm in a fresh safe episode to keep to; 0: no guarantee',
             low=0.0,
             high=1.0,
         )

@@ -40,7 +40,7 @@ class ArrivalClock:
         return time_ns
 
     def problem(self) -> str:
-        """Say why the time that was read last cannot be relied on; empty when it can."""
+        """Return why the time that was read last cannot be relied on; empty when it can."""
         if not self.latest_ns:
             return 'use_sim_time is set, and nothing has come on /clock'
         if self._asked - self._since > self._patience:
@@ -55,7 +55,7 @@ def with_source_time(callback: Callable[[Any, int], None]) -> Callable[..., None
 
     Args:
         callback: called with the message and when it was published, by the publisher's system
-            clock in ns; 0 if the middleware does not say.
+            clock in ns; 0 if the middleware does not report it.
     """
 
     def call(message: Any, info: Any) -> None:

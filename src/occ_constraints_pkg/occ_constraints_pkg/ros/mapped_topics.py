@@ -101,7 +101,7 @@ class MappedTopics:
         return '; '.join(self._faults.values())
 
     def problem(self) -> str:
-        """Say which topics cannot be received: unpublished, of a wrong type, of too weak a QoS."""
+        """Return which topics cannot be received: unpublished, of a wrong type, too weak QoS."""
         problems = []
         for topic in self._full_names:
             publishers = self._publishers(topic)
@@ -161,14 +161,14 @@ class MappedTopics:
             self._node.destroy_subscription(subscription)
 
     def _fault(self, topic: str, types: set[str]) -> str:
-        """Say that a topic has publishers, but none of a type that can be read; or nothing."""
+        """Return that a topic has publishers, but none of a type that can be read; else nothing."""
         if not types or any(not self._reason(topic, item) for item in types):
             return ''
         first = min(types)
         return f'{topic} is published as {first}; {self._reason(topic, first)}'
 
     def _reason(self, topic: str, msgtype: str) -> str:
-        """Say why messages of this type cannot be read, or nothing."""
+        """Return why messages of this type cannot be read, or nothing."""
         if topic in self._tables:
             return '' if msgtype == _TABLE else f'allowed is {_TABLE}'
         key = topic, msgtype

@@ -59,7 +59,7 @@ def message_class(msgtype: str) -> Any:
 
 
 def _is_installed(package: str) -> bool:
-    """Tell, without importing anything, whether a package of messages is installed.
+    """Return, without importing anything, whether a package of messages is installed.
 
     Then it lies where Python packages are installed, or below a directory of ``AMENT_PREFIX_PATH``,
     and has the compiled type support that ROS generates for messages. Whatever lies in the present
@@ -80,9 +80,9 @@ def _is_installed(package: str) -> bool:
 
 
 def _is_for_packages(path: str) -> bool:
-    place = Path(path).absolute()
+    folder = Path(path).absolute()
     prefixes = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
-    return place != Path.cwd() and (
-        place in (Path(folder) for folder in (*site.getsitepackages(), site.getusersitepackages()))
-        or any(place.is_relative_to(Path(prefix).absolute()) for prefix in prefixes if prefix)
+    return folder != Path.cwd() and (
+        folder in (Path(item) for item in (*site.getsitepackages(), site.getusersitepackages()))
+        or any(folder.is_relative_to(Path(prefix).absolute()) for prefix in prefixes if prefix)
     )

@@ -92,7 +92,7 @@ class OccNode(ParameterNode):
     def create_timer(self, timer_period_sec: float, callback: Any, *args: Any, **kw: Any) -> Timer:
         """Create a timer as :meth:`rclpy.node.Node.create_timer` does, but guarded.
 
-        It takes periods of any length.
+        Periods may be of any length.
         """
         period = min(timer_period_sec, _LONGEST_SECONDS)
         return super().create_timer(period, self._guarded(callback), *args, **kw)
@@ -191,5 +191,5 @@ def one_line(error: Exception) -> str:
 
 
 def without_places(error: Exception) -> str:
-    """Return the text of an error of rcl on one line, without the places in its source."""
+    """Return the text of an error of rcl on one line, without the lines of its source."""
     return re.sub(r', at \S+:\d+', '', one_line(error))

@@ -31,7 +31,7 @@ _POLICIES = {
 # The overrides that a subscription of a node may ask for.
 _OF_SUBSCRIPTION = re.compile(rf'{re.escape(_QOS_PREFIX)}.+\.subscription\.({"|".join(_POLICIES)})')
 _QOS = re.compile(r'qos_overrides\.(?P<topic>.+)\.(?P<end>[^.]+)\.(?P<policy>[^.]+)')
-# Those that ROS has besides, which is no slip.
+# Those that ROS has besides: no misspellings.
 _OTHER_POLICIES = (
     'avoid_ros_namespace_conventions',
     'deadline',
@@ -55,7 +55,7 @@ _Value = TypeVar('_Value', bool, int, float, str, list)
 
 
 class DescribedParameter(NamedTuple):
-    """What ``--help`` tells of a parameter, each as text."""
+    """What ``--help`` prints of a parameter, each as text."""
 
     name: str
     default: str
@@ -204,7 +204,7 @@ class ParameterNode(Node):
 
 
 def set_command_line(argv: Sequence[str]) -> None:
-    """Tell with which arguments the process was started, before a node is made.
+    """Set the arguments that the process was started with, before a node is made.
 
     Raises:
         OccError: a parameter file among them cannot be read.
@@ -226,7 +226,7 @@ def describing() -> Iterator[list[DescribedParameter]]:
     described = _described = []
     try:
         yield described
-        raise AssertionError('the node does not say when its parameters are declared')
+        raise AssertionError('the node does not call `declared`')
     except _DescribedError:
         pass
     finally:
@@ -265,15 +265,15 @@ def _check_unknown(
 ) -> None:
     """Refuse parameters that a node does not have, unless they may be meant for other nodes.
 
-    Those of a section of a parameter file that speaks of any node (``/**``) may; of these, one
-    that looks like a slip is warned of.
+    Those of a section of a parameter file for any node (``/**``) may; of these, one that looks
+    misspelled is warned of.
 
     Args:
         ignored: names that were given and that the node has not declared.
         declared: names that it has.
         argv: the command line with the parameters and the files of them.
         node: its full name.
-        warn: takes a warning.
+        warn: called with a warning.
 
     Raises:
         OccError: one was given to this node by its name, or on its command line.
@@ -308,7 +308,7 @@ def _of_command_line(argv: Sequence[str]) -> Iterator[str]:
 
 
 def _of_sections(content: Any, node: str, key: str = '') -> Iterator[str]:
-    """Yield the names of parameters in the sections of a file that speak of ``node`` by name."""
+    """Yield the names of parameters in the sections of a file that name ``node``."""
     if not isinstance(content, dict):
         return
     for part, value in content.items():
@@ -345,8 +345,8 @@ def _similar(name: str, declared: Sequence[str]) -> tuple[str, str]:
     policies = ', '.join(_POLICIES)
     match = _QOS.fullmatch(name)
     if match is not None and match['policy'] not in _POLICIES:
-        is_slip = match['policy'] not in _OTHER_POLICIES
-        hint = did_you_mean(match['policy'], _POLICIES) if is_slip else ''
+        is_misspelled = match['policy'] not in _OTHER_POLICIES
+        hint = did_you_mean(match['policy'], _POLICIES) if is_misspelled else ''
         return hint, f'the policies {policies}'
     ends = sorted({item.rpartition('.')[0] for item in qos})
     hint = did_you_mean(name.rpartition('.')[0], ends)

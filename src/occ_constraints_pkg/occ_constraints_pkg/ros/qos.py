@@ -36,7 +36,7 @@ COMMANDS = QoSProfile(
 
 # Checks of the number of subscribers, 0.05 s apart, that must agree before the first message. A
 # publisher learns of a subscriber a moment before the subscriber learns of it, and what is
-# published within that moment is lost; no call tells when it is over.
+# published within that moment is lost; no call shows when it is over.
 SETTLED_CHECKS = 8
 
 

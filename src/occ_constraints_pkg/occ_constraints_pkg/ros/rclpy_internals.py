@@ -26,7 +26,7 @@ Logger = rcutils_logger.RcutilsLogger
 def skip_in_caller_search(file: str) -> None:
     """Let log lines seem to come from whoever calls the functions of a file.
 
-    rclpy throttles by the place of the call, so with a wrapper all calls would be one. It has no
+    rclpy throttles by the line of the call, so with a wrapper all calls would be one. It has no
     public way to name a wrapper.
     """
     rcutils_logger._internal_callers.append(file)
@@ -43,7 +43,7 @@ def parameter_overrides(node: Node) -> dict[str, Parameter]:
 def lifecycle_state(node: LifecycleNodeMixin) -> tuple[int, str]:
     """Return number and label of the present state.
 
-    Publicly a node tells it through its own service only, which it cannot call within a callback.
+    The public way is the node's own service, which it cannot call within a callback.
     """
     return node._state_machine.current_state
 

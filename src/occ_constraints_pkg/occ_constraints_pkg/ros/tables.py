@@ -65,7 +65,7 @@ def subscribe_to_tables(
     Args:
         node: subscribes.
         topic: its name.
-        callback: takes each message, which may turn out not to be a table.
+        callback: called with each message, which may turn out not to be a table.
 
     Raises:
         OccError: the topic's name is not valid.

@@ -153,7 +153,7 @@ def status(
 
 
 def why_unknown(rule_set: RuleSet, sample: np.ndarray) -> str:
-    """Say which features of one sample (k,) cannot be judged, and why."""
+    """Return which features of one sample (k,) cannot be judged, and why."""
     space = rule_set.space
     reasons = []
     for feature, value in zip(space.features, sample, strict=True):

@@ -29,7 +29,7 @@ class TimeLimits:
     Attributes:
         timeout: how long nothing new may come, and ``/clock`` may stand still.
         max_lead: how far the header stamp of a message may be ahead of the clock; 0 for any, and
-            not of tables, whose stamps tell steps apart.
+            not of tables, whose stamps identify steps.
         max_lag: how late a message may come (see
             :class:`~occ_constraints_pkg.features.lateness.Lateness`); likewise.
     """
@@ -46,8 +46,7 @@ class Inputs:
         node: subscribes.
         feature_map: what to compute.
         limits: how late and how early messages may be.
-        callback: called with the topic, a message on it and its time of publishing, as
-            :meth:`rows` takes them.
+        callback: called with the arguments of :meth:`rows` for each message.
 
     Raises:
         OccError: a topic cannot be subscribed to.
@@ -131,13 +130,13 @@ class Inputs:
         self._refreshed = self._node.steady_seconds()
 
     def check_timeout(self) -> str:
-        """Say why nothing new has come for the timeout, on the steady clock; empty if it has."""
+        """Return why nothing new has come for the timeout, on the steady clock; empty if it has."""
         if self._node.steady_seconds() - self._refreshed <= self._limits.timeout:
             return ''
         return self._topics.problem() or f'no new input for {self._limits.timeout:g} s'
 
     def check_clock(self) -> str:
-        """Say why the arrival time of the last message cannot be relied on; empty if it can."""
+        """Return why the arrival time of the last message cannot be relied on; empty if it can."""
         return self._arrival.problem()
 
     def sectors(self) -> Iterator[Sector]:

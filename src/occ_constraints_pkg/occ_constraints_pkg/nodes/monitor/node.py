@@ -36,9 +36,9 @@ _TIMEOUT_CHECK_SECONDS = 0.1
 _READ_SECONDS = 0.02
 _ORIGIN = 'topic constraints'
 _DEBOUNCE = {
-    'trigger_count': 'violated verdicts of the last trigger_window that people are told',
+    'trigger_count': 'violated verdicts of the last trigger_window until people are shown VIOLATED',
     'trigger_window': 'verdicts among which they are counted',
-    'release_count': 'safe verdicts in a row until people are told SAFE again',
+    'release_count': 'safe verdicts in a row until people are shown SAFE again',
 }
 # Parameters that change the rules, in the order that RuleEdits takes them.
 _EDITS = ('disabled_rules', 'enabled_rules', 'moved_bounds')
@@ -104,11 +104,11 @@ class Monitor(ManagedNode):
         self.setting(
             'warning_window',
             WINDOW_SECONDS,
-            'seconds over which rates of change are looked for',
+            'seconds over which rates of change are estimated',
             low=0.001,
         )
-        for name, words in _DEBOUNCE.items():
-            self.setting(name, 1, words, low=1)
+        for name, description in _DEBOUNCE.items():
+            self.setting(name, 1, description, low=1)
         self.live_setting('disabled_rules', [], 'ids of rules to disable')
         self.live_setting('enabled_rules', [], 'ids of rules to enable though the file does not')
         self.live_setting('moved_bounds', [], "other bounds, each like 'RULE: FEATURE > 0.9'")

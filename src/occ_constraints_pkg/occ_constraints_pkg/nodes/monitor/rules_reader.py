@@ -49,7 +49,7 @@ class ReadRules(NamedTuple):
 
     Attributes:
         text: what was offered.
-        constraints: what it says; None if it is refused.
+        constraints: what is in it; None if it is refused.
         feature_map: that of the constraints; None if it is refused.
         problem: why it is refused; else empty.
     """

@@ -103,7 +103,7 @@ def test_the_check_itself_finds_what_apt_does_not_have():
     assert foreign(['rosbags.rosbag2', 'mcap', 'numpy']) == ['mcap', 'rosbags']
 
 
-def test_monitor_and_gate_work_without_anything_else(modules_folder, nodes, witness, rules_of):
+def test_monitor_and_gate_work_without_anything_else(modules_folder, nodes, observer, rules_of):
     from geometry_msgs.msg import Twist
     from occ_constraints_pkg.ros.qos import COMMANDS, LATCHED, STEPS
     from occ_constraints_pkg.ros.tables import table_message
@@ -115,12 +115,12 @@ def test_monitor_and_gate_work_without_anything_else(modules_folder, nodes, witn
     counts, pruned = nodes.folder / 'counts.json', nodes.folder / 'pruned.yaml'
     monitor = nodes.start('monitor', counts_file=counts, pruned_file=pruned)
     # Read by the process that the monitor starts for it.
-    constraints = witness.node.create_publisher(String, 'constraints', LATCHED)
+    constraints = observer.node.create_publisher(String, 'constraints', LATCHED)
     constraints.publish(String(data=rules_of['simple_nav'].dumps()))
-    observation = witness.node.create_publisher(PointCloud2, 'observation', STEPS)
-    command = witness.node.create_publisher(Twist, 'cmd_vel_in', COMMANDS)
+    observation = observer.node.create_publisher(PointCloud2, 'observation', STEPS)
+    command = observer.node.create_publisher(Twist, 'cmd_vel_in', COMMANDS)
     speeds, stamps = [], itertools.count(10**18, 10**8)
-    witness.node.create_subscription(
+    observer.node.create_subscription(
         Twist, 'cmd_vel', lambda message: speeds.append(message.linear.x), 10
     )
 
@@ -131,12 +131,12 @@ def test_monitor_and_gate_work_without_anything_else(modules_folder, nodes, witn
         message = Twist()
         message.linear.x = 1.0
         command.publish(message)
-        witness.spin(0.1)
+        observer.spin(0.1)
         return speeds[-1] if speeds else None
 
-    witness.spin_until(lambda: speed_at(0.8, 0.2) == 1.0, 20.0)
-    witness.spin_until(lambda: speed_at(0.2, 0.8) == 0.0, 20.0)
-    assert witness.call(Trigger, 'monitor/prune').success
+    observer.spin_until(lambda: speed_at(0.8, 0.2) == 1.0, 20.0)
+    observer.spin_until(lambda: speed_at(0.2, 0.8) == 0.0, 20.0)
+    assert observer.call(Trigger, 'monitor/prune').success
     nodes.stop(gate, monitor)
     assert counts.is_file()
     assert pruned.is_file()

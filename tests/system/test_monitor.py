@@ -75,7 +75,7 @@ class Robot:
 
     def said(self):
         text = self.monitor.log.read_text()
-        return text.count('enabled rules') + text.count('rule set refused')
+        return text.count('enabled rule') + text.count('rule set refused')
 
     def start_monitor(self, nodes, rules, **parameters):
         file = nodes.folder / 'rules.yaml'

@@ -35,7 +35,7 @@ def test_simple_navigation_is_pruned_to_the_rule_of_the_paper(nodes, observer, t
         alpha=0.5,
         max_depth=2,
     )
-    observer.spin_until(lambda: 'enabled rules' in monitor.log.read_text(), 30.0)
+    observer.spin_until(lambda: 'enabled rule' in monitor.log.read_text(), 30.0)
     let_go(observer, '/drive/observation')
     observer.spin_until(lambda: not drive.is_running, 40.0)
     drive.raise_error()

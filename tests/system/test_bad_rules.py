@@ -167,7 +167,9 @@ def test_odd_rules_that_may_be_used_end_nothing(nodes, robot):
         used = monitor.log.read_text().count('from topic constraints, rule set')
         robot.constraints.publish(robot.text(data=rules.dumps()))
         robot.observer.spin_until(
-            lambda least=used: monitor.log.read_text().count('from topic constraints, rule set') > least,
+            lambda least=used: (
+                monitor.log.read_text().count('from topic constraints, rule set') > least
+            ),
             60.0,
         )
         for speed in (0.0, np.nan, 1e308):

@@ -102,7 +102,7 @@ def test_a_wrong_type_is_told_and_the_right_one_taken_when_it_comes(nodes, publi
     right = publisher(TwistStamped)
     # Though the wrong one is still there.
     told('SAFE', right, wrong)
-    assert monitor.log.read_text().count(WRONG) == 1
+    assert monitor.log.read_text().count(f'[monitor]: {WRONG}') == 1
 
 
 def test_a_type_that_changes_is_followed(nodes, publisher, told):

@@ -63,7 +63,9 @@ class Player(OccNode):
         self._playback = Playback(
             recording, list(self._publishers_of), rate=rate, loop=loop, start_offset=offset
         )
-        self._clock = self.create_publisher(Clock, _CLOCK, 10) if self._clock_rate else None
+        self._clock_publisher = (
+            self.create_publisher(Clock, _CLOCK, 10) if self._clock_rate else None
+        )
         for name, answer in (
             ('pause', self._on_pause),
             ('resume', self._on_resume),
@@ -126,7 +128,7 @@ class Player(OccNode):
         self.destroy_timer(self._timer)
         if not self._starts_paused:
             self._playback.resume(self.steady_seconds())
-        if self._clock is not None:
+        if self._clock_publisher is not None:
             self._publish_clock()
             self.steady_timer(1.0 / self._clock_rate, self._publish_clock)
         self._timer = self.steady_timer(_PLAY_SECONDS, self._play)
@@ -142,7 +144,7 @@ class Player(OccNode):
 
     def _publish_clock(self) -> None:
         now = self._playback.time_ns(self.steady_seconds())
-        self._clock.publish(Clock(clock=to_time(now)))
+        self._clock_publisher.publish(Clock(clock=to_time(now)))
 
     def _on_pause(self, _request: Any, response: Any) -> Any:
         self._playback.pause(self.steady_seconds())

@@ -29,6 +29,15 @@ from occ_constraints_pkg.rules.gating import GateOutput, GateSettings, SpeedGate
 _REPORT_SECONDS = 1.0
 # Least time between two lines of the log: when the state changes, and when only the reason does.
 _LOG_SECONDS, _SAME_STATE_LOG_SECONDS = 1.0, 2.0
+# Of each field of GateSettings, its description as a parameter, and its range.
+_SETTINGS = {
+    'slow_margin': ('margin under which speed is scaled down; 0: never', 0.0, None),
+    'min_speed_scale': ('part of the speed that is left at margin 0', 0.0, 1.0),
+    'trigger_count': ('violated verdicts of the last trigger_window that stop', 1, None),
+    'trigger_window': ('verdicts among which they are counted', 1, None),
+    'release_count': ('safe verdicts in a row that release again', 1, None),
+    'timeout': ('seconds without a verdict that stop; largest age of a verdict', 0.01, None),
+}
 _LEVELS = {
     'PASS': DiagnosticStatus.OK,
     'SLOW': DiagnosticStatus.WARN,
@@ -108,13 +117,13 @@ class Gate(OccNode):
         settings = self._settings()
         self.declared()
         self._period, self._timeout = 1.0 / rate, settings.timeout
-        self._kind = TwistStamped if stamped else Twist
+        self._command_type = TwistStamped if stamped else Twist
         now = self.steady_seconds()
         # When the last command came, and when the timer ran last.
         self._commanded = self._ticked = now
         self._frame = ''
         self._output = self.create_publisher(
-            self._kind, 'cmd_vel', COMMANDS, qos_overriding_options=overridable()
+            self._command_type, 'cmd_vel', COMMANDS, qos_overriding_options=overridable()
         )
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self._state_publisher = self.create_publisher(
@@ -122,7 +131,7 @@ class Gate(OccNode):
         )
         self._sources = [_VerdictTopic(self, topic, settings) for topic in topics or ['violation']]
         self.create_subscription(
-            self._kind,
+            self._command_type,
             'cmd_vel_in',
             self._on_command,
             COMMANDS,
@@ -147,45 +156,11 @@ class Gate(OccNode):
 
     def _settings(self) -> GateSettings:
         defaults = GateSettings()
-        return GateSettings(
-            slow_margin=self.parameter(
-                'slow_margin',
-                defaults.slow_margin,
-                'margin under which speed is scaled down; 0: never',
-                low=0.0,
-            ),
-            min_speed_scale=self.parameter(
-                'min_speed_scale',
-                defaults.min_speed_scale,
-                'part of the speed that is left at margin 0',
-                low=0.0,
-                high=1.0,
-            ),
-            trigger_count=self.parameter(
-                'trigger_count',
-                defaults.trigger_count,
-                'violated verdicts of the last trigger_window that stop',
-                low=1,
-            ),
-            trigger_window=self.parameter(
-                'trigger_window',
-                defaults.trigger_window,
-                'verdicts among which they are counted',
-                low=1,
-            ),
-            release_count=self.parameter(
-                'release_count',
-                defaults.release_count,
-                'safe verdicts in a row that release again',
-                low=1,
-            ),
-            timeout=self.parameter(
-                'timeout',
-                defaults.timeout,
-                'seconds without a verdict that stop; largest age of a verdict',
-                low=0.01,
-            ),
-        )
+        values = {
+            name: self.parameter(name, getattr(defaults, name), description, low=low, high=high)
+            for name, (description, low, high) in _SETTINGS.items()
+        }
+        return GateSettings(**values)
 
     def on_verdict(self, source: _VerdictTopic, message: DiagnosticArray, sent_ns: int) -> None:
         """Take a verdict from one of the topics."""
@@ -202,9 +177,11 @@ class Gate(OccNode):
         now = self.steady_seconds()
         self._commanded = now
         output = self._decide(now)
-        if self._kind is TwistStamped:
+        if self._command_type is TwistStamped:
             self._frame = message.header.frame_id
-        twist = scaled_twist(message.twist if self._kind is TwistStamped else message, output.scale)
+        twist = scaled_twist(
+            message.twist if self._command_type is TwistStamped else message, output.scale
+        )
         if twist is None:
             self.get_logger().error(
                 'a command with a value that is not finite is replaced by zero',
@@ -239,7 +216,7 @@ class Gate(OccNode):
         self._send(Twist())
 
     def _send(self, twist: Twist) -> None:
-        if self._kind is Twist:
+        if self._command_type is Twist:
             self._output.publish(twist)
             return
         message = TwistStamped(twist=twist)

@@ -182,7 +182,7 @@ def refusal_of(error: Exception) -> OccError:
         check_clock()
     except OccError as reason:
         return reason
-    return ConfigurationError(f'ROS refuses: {without_places(error)}')
+    return ConfigurationError(f'ROS refuses: {without_source_lines(error)}')
 
 
 def one_line(error: Exception) -> str:
@@ -190,6 +190,6 @@ def one_line(error: Exception) -> str:
     return ' '.join(str(error).split())
 
 
-def without_places(error: Exception) -> str:
+def without_source_lines(error: Exception) -> str:
     """Return the text of an error of rcl on one line, without the lines of its source."""
     return re.sub(r', at \S+:\d+', '', one_line(error))

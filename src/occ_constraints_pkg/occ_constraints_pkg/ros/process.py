@@ -19,7 +19,7 @@ from occ_constraints_pkg.ros.node import (
     one_line,
     refusal_of,
     report_error,
-    without_places,
+    without_source_lines,
 )
 from occ_constraints_pkg.ros.parameters import describing, set_command_line
 from occ_constraints_pkg.ros.rclpy_internals import RCLError
@@ -100,7 +100,7 @@ def _initialise(argv: list[str]) -> None:
         other = remove_ros_args(argv)
     # rclpy has no public type for a malformed command line.
     except Exception as error:
-        reason = without_places(error)
+        reason = without_source_lines(error)
         raise ConfigurationError(
             f'the arguments are not understood: {reason}; {allowed}'
         ) from error

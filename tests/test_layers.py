@@ -25,7 +25,7 @@ ARROWS = {
     'checking': {'datasets', 'rules'},
     'traffic': {'datasets', 'features', 'rosbag', 'rules'},
     'agents': {'worlds', 'features', 'rules'},
-    'ros': {'features', 'rosbag', 'rules', 'worlds'},
+    'ros': {'features'},
     'nodes': {'agents', 'datasets', 'features', 'learning', 'ros', 'rosbag', 'rules', 'worlds'},
     'demo': {'agents', 'datasets', 'features', 'learning', 'ros', 'rules', 'worlds'},
     'cli': {

@@ -66,12 +66,12 @@ def publisher(nodes):
 
 
 @pytest.fixture
-def told(witness):
+def told(observer):
     """Return a function that lets time go on until the last verdict is some words."""
     from diagnostic_msgs.msg import DiagnosticArray
 
     heard = []
-    witness.node.create_subscription(DiagnosticArray, 'violation', heard.append, 10)
+    observer.node.create_subscription(DiagnosticArray, 'violation', heard.append, 10)
 
     def until(words, *publishers):
         def is_told():
@@ -79,7 +79,7 @@ def told(witness):
                 publisher.send()
             return bool(heard) and heard[-1].status[0].message == words
 
-        witness.spin_until(is_told, 20.0)
+        observer.spin_until(is_told, 20.0)
 
     return until
 

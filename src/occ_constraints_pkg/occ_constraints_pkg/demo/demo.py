@@ -96,7 +96,7 @@ def run_demo(output: Path, *, train_seconds: float = 120.0) -> int:
 
 def _learn_and_watch(bag: Path, rules: Path, logs: Path, domain: int) -> dict[str, Any]:
     """Run tree_learner and monitor; listen while an unconstrained driver drives."""
-    from occ_constraints_pkg.demo.observer import Witness
+    from occ_constraints_pkg.demo.observer import Observer
     from occ_constraints_pkg.learning.rules_text import describe_rules
 
     nodes = {
@@ -104,16 +104,16 @@ def _learn_and_watch(bag: Path, rules: Path, logs: Path, domain: int) -> dict[st
         'tree_learner': {'bags': [bag], 'feature_map': WORLD, 'output': rules},
         'policy': {'policy': 'straightv', 'wait_for_costs': True},
     }
-    with nodes_running(nodes, logs, domain) as running, Witness(domain) as witness:
+    with nodes_running(nodes, logs, domain) as running, Observer(domain) as observer:
 
         def learned() -> bool:
             _check(running)
             return rules.exists()
 
-        witness.spin_until(learned, _STAGE_SECONDS)
+        observer.spin_until(learned, _STAGE_SECONDS)
         click.echo(_indented(describe_rules(load_constraints(rules))))
         _say(3, 'an unconstrained driver drives; the monitor node judges every state')
-        witness.wait_for_monitor(1)
+        observer.wait_for_monitor(1)
         episode = {
             'sim': {
                 'world': WORLD,
@@ -129,9 +129,9 @@ def _learn_and_watch(bag: Path, rules: Path, logs: Path, domain: int) -> dict[st
                 _check(running)
                 return not simulation['sim'].is_running
 
-            witness.spin_until(over, _STAGE_SECONDS)
+            observer.spin_until(over, _STAGE_SECONDS)
             simulation['sim'].wait(0.0)
-    heard = witness.heard
+    heard = observer.heard
     first = next((item for item in heard.violations.values() if len(item.status) > 1), None)
     return {
         **heard.agreement(),

@@ -18,7 +18,7 @@ from occ_constraints_pkg.datasets.manifest import load_manifest
 from occ_constraints_pkg.documents import dump_yaml, parse_yaml
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.features.feature_map import FeatureMap, load_feature_map, map_of
-from occ_constraints_pkg.learning.evidence_text import describe_why, why_document
+from occ_constraints_pkg.learning.evidence import describe_why, why_document
 from occ_constraints_pkg.learning.learn import learn
 from occ_constraints_pkg.learning.rules_text import describe_rules
 from occ_constraints_pkg.rules.constraints_file import load_constraints

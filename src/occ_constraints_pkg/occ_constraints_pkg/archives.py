@@ -12,7 +12,7 @@ import zipfile
 import zlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import BinaryIO
+from typing import IO
 
 import numpy as np
 
@@ -139,7 +139,7 @@ def _too_large(path: str | Path, name: str, size: int, allowed: int) -> OccError
     )
 
 
-def _header(stream: BinaryIO) -> tuple[np.dtype, int]:
+def _header(stream: IO[bytes]) -> tuple[np.dtype, int]:
     """Return the type of an array and how many elements it has, by its header."""
     version = np.lib.format.read_magic(stream)
     if version == (1, 0):

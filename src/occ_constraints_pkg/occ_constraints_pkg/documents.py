@@ -228,7 +228,7 @@ def _yaml() -> YAML:
     yaml.Parser = _Parser
     yaml.Representer = _Representer
     yaml.default_flow_style = None
-    yaml.sort_base_mapping_type_on_output = False
+    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
     yaml.width = 100
     return yaml
 

@@ -95,6 +95,7 @@ class StopRequest:
                 self._ending = before
 
     def _end(self) -> None:
+        assert self._ending is not None
         code, words = self._ending
         if words:
             # Unbuffered, for the buffer may be in use where the signal came.
@@ -116,4 +117,4 @@ stop_request = StopRequest()
 def parent_is_gone() -> bool:
     """Return whether the process named in :data:`PARENT_VARIABLE` is this one's parent no more."""
     parent = os.environ.get(PARENT_VARIABLE)
-    return bool(parent) and os.getppid() != int(parent)
+    return parent is not None and parent != '' and os.getppid() != int(parent)

@@ -109,6 +109,7 @@ def _check_pickle(part: bytes) -> None:
     """
     memo: dict[int, str] = {}
     recent = ['', '', '']
+    argument: Any
     for operation, argument, _ in pickletools.genops(part):
         name = operation.name
         if name not in _OPERATIONS:
@@ -117,7 +118,7 @@ def _check_pickle(part: bytes) -> None:
             raise ValueError(f'a call of {argument!r}')
         if name in ('BINPUT', 'LONG_BINPUT'):
             memo[argument] = _made_by(recent)
-        elif name in ('BINGET', 'LONG_BINGET') and memo.get(argument) not in _REUSED:
+        elif name in ('BINGET', 'LONG_BINGET') and memo.get(argument, '') not in _REUSED:
             raise ValueError('a part that is used twice')
         else:
             recent = [*recent[1:], name]

@@ -156,7 +156,7 @@ def _draw_film(
         parts.append((road, timeline.axvline(0.0, color='black', lw=0.8), drive, broken[name]))
     longest = max(len(drive.vehicles) for drive in drives.values())
     stride = round(_FRAME_SECONDS / Highway.step_seconds)
-    writer = animation.PillowWriter(fps=_HASTE / _FRAME_SECONDS)
+    writer = animation.PillowWriter(fps=_HASTE / _FRAME_SECONDS)  # type: ignore[arg-type]
     with writer.saving(figure, str(path), _DOTS_PER_INCH * 0.8):
         for step in range(0, longest, stride):
             for road, line, drive, truths in parts:

@@ -73,7 +73,7 @@ class GaussianPolicy:
         """
         k, a = len(self.columns), len(self.action_columns)
         widths = [k, *(bias.size for bias in self.biases)]
-        wanted = {
+        wanted: dict[str, tuple[np.ndarray, tuple[int, ...]]] = {
             'observation_mean': (self.observation_mean, (k,)),
             'observation_variance': (self.observation_variance, (k,)),
             'log_std': (self.log_std, (a,)),
@@ -189,7 +189,7 @@ class GaussianPolicy:
             fields[f'weight_{layer}'] = weight
             fields[f'bias_{layer}'] = bias
         with replacing(path, ARCHIVE) as draft, draft.open('wb') as file:
-            np.savez(file, **fields)
+            np.savez(file, **fields)  # type: ignore[arg-type]
 
     @classmethod
     def load(cls, path: Path | str) -> GaussianPolicy:

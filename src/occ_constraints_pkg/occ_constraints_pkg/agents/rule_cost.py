@@ -44,7 +44,7 @@ class RuleCost:
                 )
         self.constraints = constraints
         self._rule_set = constraints.rule_set
-        self._places = [names.index(source.column) for source in feature_map.features]
+        self._places = [names.index(str(source.column)) for source in feature_map.features]
         self.counts = RuleCounts(self._rule_set)
 
     def __call__(self, batch: StepBatch) -> np.ndarray:

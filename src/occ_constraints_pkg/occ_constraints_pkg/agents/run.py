@@ -102,7 +102,7 @@ def check(settings: RunSettings) -> float:
     Raises:
         OccError: a setting is wrong.
     """
-    from occ_constraints_pkg.agents.networks import torch_device
+    from occ_constraints_pkg.agents.ppo_lagrangian import torch_device
 
     torch_device(settings.device)
     kind = world_class(settings.world)

@@ -51,7 +51,8 @@ def train_seeds(
             'new directory, an empty one, or that of earlier seeds'
         )
     directories = {seed: output / f'seed_{seed}' for seed in seeds}
-    waiting, running = list(seeds), {}
+    waiting = list(seeds)
+    running: dict[int, subprocess.Popen] = {}
     # One core each: processes of several worlds would only wait for one another.
     cores = len(os.sched_getaffinity(0))
     try:

@@ -122,6 +122,7 @@ def train(
         updated = learner.updates > before
         batch = stream.step(action)
         if updated:
+            assert learner.metrics is not None
             history.append(learner.metrics)
             if directory is not None:
                 directory.add(learner)
@@ -201,7 +202,7 @@ class TrainingDirectory:
             'policy.npz': ARCHIVE,
             'summary.json': RESULTS,
         }
-        check_outputs({self.path / name: kind for name, kind in kinds.items()}, inputs)
+        check_outputs(((self.path / name, kind) for name, kind in kinds.items()), inputs)
 
     def check_world(self, learner: PPOLagrangian, world: str) -> None:
         """Refuse to go on in another world than the one that was trained in.
@@ -276,6 +277,7 @@ class TrainingDirectory:
         Raises:
             OccError: the file cannot be written.
         """
+        assert learner.metrics is not None
         line = {
             name: value if math.isfinite(value) else None
             for name, value in learner.metrics.as_dict().items()

@@ -26,7 +26,7 @@ from occ_constraints_pkg.cli.common import (
 from occ_constraints_pkg.errors import ConfigurationError, import_needed
 from occ_constraints_pkg.features.lateness import MAX_LAG_SECONDS
 from occ_constraints_pkg.files import CONSTRAINTS, PICTURE, check_outputs
-from occ_constraints_pkg.learning.evidence_text import describe_why, why_document
+from occ_constraints_pkg.learning.evidence import describe_why, why_document
 from occ_constraints_pkg.learning.rules_text import describe_promise, describe_rules
 from occ_constraints_pkg.rules.forecast import WINDOW_SECONDS
 from occ_constraints_pkg.traffic.rules_text import rule_rows, rules_table
@@ -234,8 +234,7 @@ def score(constraints: str, paths: tuple[str, ...], min_f1: float | None, as_jso
     \b
     Example: occ score constraints.yaml bags/drive_7 --min-f1 0.9
     """
-    from occ_constraints_pkg.learning.scoring import score_rules
-    from occ_constraints_pkg.learning.scoring_text import describe_score, score_document
+    from occ_constraints_pkg.learning.scoring import describe_score, score_document, score_rules
     from occ_constraints_pkg.rules.constraints_file import load_constraints
 
     loaded = load_constraints(constraints)

@@ -4,14 +4,18 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from occ_constraints_pkg.errors import DataError
 from occ_constraints_pkg.rules.rule import Rule
 from occ_constraints_pkg.rules.ruleset import RuleSet
+from occ_constraints_pkg.rules.space import FeatureSpace
 from occ_constraints_pkg.rules.verdict import Verdict
+from occ_constraints_pkg.terminal import printable
 
 
 @dataclass(frozen=True)
@@ -158,3 +162,66 @@ def score_rules(rule_set: RuleSet, values: np.ndarray, true_cost: np.ndarray) ->
 
 def _ratio(part: int, whole: int) -> float:
     return part / whole if whole else float('nan')
+
+
+def describe_score(score: RuleSetScore, space: FeatureSpace) -> str:
+    """Return a score as lines of text; a rule has a line when it is true on some sample.
+
+    Args:
+        score: of a rule set.
+        space: the features that its rules speak of.
+    """
+    overall = score.overall
+    lines = [
+        f'{overall.samples} samples: {overall.costly} truly costly, {overall.flagged} flagged, '
+        f'{overall.both} both; {score.unknown / overall.samples:.2%} UNKNOWN',
+        f'precision {_shown(overall.precision)}, recall {_shown(overall.recall)}, '
+        f'F1 {_shown(overall.f1)}, IoU {_shown(overall.iou)}',
+    ]
+    if score.unscored:
+        lines.append(f'not scored: {score.unscored} samples without a true cost')
+    rules = [item for item in score.rules if item.alone.flagged]
+    if rules:
+        lines.append(f'{"first (costly)":>16}{"true (costly)":>18}  rule')
+    for item in sorted(rules, key=lambda item: -item.first):
+        first = f'{item.first} ({item.first_costly})'
+        alone = f'{item.alone.flagged} ({item.alone.both})'
+        lines.append(f'{first:>16}{alone:>18}  {item.rule.id:<9} {item.rule.words(space)}')
+    return '\n'.join(map(printable, lines))
+
+
+def score_document(score: RuleSetScore, space: FeatureSpace) -> dict[str, Any]:
+    """Return a score as what JSON can hold; a ratio with nothing below it is None.
+
+    Args:
+        score: of a rule set.
+        space: the features that its rules speak of.
+    """
+    return {
+        'samples': score.overall.samples,
+        'costly': score.overall.costly,
+        **_numbers(score.overall),
+        'unknown_share': score.unknown / score.overall.samples,
+        'unscored': score.unscored,
+        'rules': [
+            {
+                'id': item.rule.id,
+                'text': item.rule.words(space),
+                'first': item.first,
+                'first_costly': item.first_costly,
+                **_numbers(item.alone),
+            }
+            for item in score.rules
+        ],
+    }
+
+
+def _numbers(score: Score) -> dict[str, Any]:
+    ratios = {
+        name: value if math.isfinite(value) else None for name, value in score.ratios().items()
+    }
+    return {'flagged': score.flagged, 'flagged_costly': score.both, **ratios}
+
+
+def _shown(value: float) -> str:
+    return f'{value:.3f}' if math.isfinite(value) else 'undefined'

@@ -23,7 +23,7 @@ from occ_constraints_pkg.ros.table_topics import subscribe_to_tables, table_byte
 from occ_constraints_pkg.ros.tables import observation_table
 from occ_constraints_pkg.worlds.registry import make_world
 from occ_constraints_pkg.worlds.stream import EpisodeStream, StepBatch
-from occ_constraints_pkg.worlds.worker_pool import HelperError
+from occ_constraints_pkg.worlds.worker_pool import WorkerError
 
 # How often the node looks whether the subscribers it waits for have come.
 _LOOK_SECONDS = 0.05
@@ -143,7 +143,7 @@ class Sim(OccNode):
         """Within the block, a mistake in the action is told, and the action is ignored."""
         try:
             yield
-        except HelperError:
+        except WorkerError:
             raise
         except OccError as error:
             self.get_logger().error(f'action ignored: {error}', throttle_duration_sec=1.0)

@@ -13,11 +13,14 @@ from typing import Any
 import numpy as np
 
 from occ_constraints_pkg.errors import ConfigurationError
-from occ_constraints_pkg.rules.columns import Columns
-from occ_constraints_pkg.rules.formula import Disjunction, factor
+from occ_constraints_pkg.rules.evaluation import (
+    Columns,
+    Disjunction,
+    RuleTable,
+    ShortCircuit,
+    factor,
+)
 from occ_constraints_pkg.rules.rule import Literal, Rule
-from occ_constraints_pkg.rules.rule_table import RuleTable
-from occ_constraints_pkg.rules.short_circuit import ShortCircuit
 from occ_constraints_pkg.rules.space import FeatureSpace
 from occ_constraints_pkg.rules.verdict import Judgement, Verdict
 

@@ -148,7 +148,8 @@ class World(ABC):
             OccError: the state is that of another class or of another number of robots.
         """
         for name in self.state_names:
-            saved, value = state.get(name), attrgetter(name)(self)
+            saved: Any = state.get(name)
+            value = attrgetter(name)(self)
             if np.shape(saved) != np.shape(value):
                 raise ConfigurationError(
                     f'the saved state of world {self.name} has {name} of shape {np.shape(saved)}; '

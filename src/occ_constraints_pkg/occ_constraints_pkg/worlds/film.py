@@ -94,7 +94,7 @@ def draw_episode(
                 # In simulated time, or as near as a film's frames come to it.
                 stride = max(1, round(1 / (_FRAMES_PER_SECOND * world.step_seconds)))
                 frames = range(0, len(moments), stride)
-                writer = animation.writers[_WRITERS[suffix]](fps=1 / (stride * world.step_seconds))
+                writer = animation.writers[_WRITERS[suffix]](fps=1 / (stride * world.step_seconds))  # type: ignore[arg-type]
                 with writer.saving(stage.figure, str(draft), _DOTS_PER_INCH):
                     for number, index in enumerate(frames, start=1):
                         stage.show(index)

@@ -119,7 +119,7 @@ class WorldVectorEnv(VectorEnv):
             final_obs[row] = observation[row]
         final_info = self._masked(info, done)
         observation, fresh = self._world.reset(mask=done)
-        found = self._masked({**info, **fresh})
+        found: dict[str, Any] = self._masked({**info, **fresh})
         found |= {'final_obs': final_obs, '_final_obs': done}
         found |= {'final_info': final_info, '_final_info': done.copy()}
         return observation, reward, terminated, truncated, found

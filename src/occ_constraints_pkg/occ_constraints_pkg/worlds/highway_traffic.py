@@ -122,7 +122,7 @@ class Traffic:
             steering: (N,) its steering angle in rad, positive to the right.
         """
         wanted, slip = self._decide()
-        if self._controlled:
+        if acceleration is not None and steering is not None:
             place = self.ego, self._columns
             speed = self.real[SPEED][place]
             wanted[place] = np.where(speed < 0.0, np.maximum(acceleration, -speed), acceleration)
@@ -211,7 +211,7 @@ class Traffic:
         """
         scenes, rows = np.nonzero((changing | new).T)
         lane, target, identity = self.whole
-        conflicts = []
+        conflicts: list[tuple[int, int, int]] = []
         for offset in range(1, len(scenes)):
             same = np.flatnonzero(scenes[offset:] == scenes[:-offset])
             if not len(same):
@@ -224,12 +224,12 @@ class Traffic:
             near = distance < self._wanted_gap(rear, front, scene)
             conflicts += zip(scene[near], rear[near], front[near], strict=True)
         conflicts.sort(key=lambda pair: identity[pair[1], pair[0]])
-        for scene, rear, front in conflicts:
-            earlier = identity[front, scene] < identity[rear, scene]
-            if new[front, scene] and not earlier:
+        for column, behind, before in conflicts:
+            earlier = identity[before, column] < identity[behind, column]
+            if new[before, column] and not earlier:
                 continue
-            if target[front, scene] == target[rear, scene]:
-                target[rear, scene] = lane[rear, scene]
+            if target[before, column] == target[behind, column]:
+                target[behind, column] = lane[behind, column]
 
     def _wanted_gap(self, rows: np.ndarray, ahead: np.ndarray, scenes: np.ndarray) -> np.ndarray:
         """Return the IDM's wanted distance to a vehicle ahead, for some vehicles."""

@@ -33,7 +33,7 @@ def make_world(name: str, num_envs: int, *, processes: int = 0) -> World:
         raise ConfigurationError(
             f'world {name} was asked for {processes} processes; 0 or more are allowed'
         )
-    return world(num_envs, processes=processes)
+    return world(num_envs, processes=processes)  # type: ignore[call-arg]
 
 
 def check_world(name: str) -> None:

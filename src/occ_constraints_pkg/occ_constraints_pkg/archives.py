@@ -59,7 +59,7 @@ def read_arrays(
         The arrays by name, in the order of the file.
 
     Raises:
-        OccError: the file cannot be read, is larger than allowed, damaged, or no such archive.
+        DataError: the file cannot be read, is larger than allowed, damaged, or no such archive.
     """
     with open_regular(path, what) as stream:
         try:
@@ -69,6 +69,8 @@ def read_arrays(
                 return _arrays(archive, is_wanted, allowed, path)
         except OSError as error:
             raise DataError(f'cannot read {path}: {error.strerror or error}') from error
+        except OccError:
+            raise
         except FAULTS as error:
             raise DataError(
                 f'{path} is {fault} ({describe(error)}); allowed is '

@@ -45,7 +45,7 @@ def read_text(path: str | Path, limit: int = DOCUMENT_BYTES) -> str:
     """Return the text of an ordinary UTF-8 file of at most ``limit`` bytes.
 
     Raises:
-        OccError: there is no such file, it is a device or a pipe, larger, or not text.
+        ConfigurationError: there is no such file, it is a device or a pipe, larger, or not text.
     """
     try:
         text = read_bytes(path, limit).decode('utf-8')
@@ -58,10 +58,11 @@ def read_json_object(path: str | Path) -> dict[str, Any]:
     """Return the JSON object that a file holds.
 
     Raises:
-        OccError: it cannot be read or holds something else.
+        ConfigurationError: it cannot be read or holds something else.
     """
+    text = read_text(path)
     try:
-        document = json.loads(read_text(path))
+        document = json.loads(text)
         if isinstance(document, dict):
             return document
         problem = f'it holds {_show(document)}'
@@ -76,7 +77,7 @@ def parse_document(text: str, schema: Mapping[str, Any], where: str) -> Any:
     """Parse YAML text and check it against ``schema``; errors name ``where`` and the line.
 
     Raises:
-        OccError: the text is not YAML or breaks the schema.
+        ConfigurationError: the text is not YAML or breaks the schema.
     """
     document = parse_yaml(text, where)
     validate(document, schema, where, text=text)
@@ -90,7 +91,7 @@ def parse_yaml(text: str, where: str) -> Any:
     our documents have no use for them.
 
     Raises:
-        OccError: the text is not such a document; the sentence names ``where`` and the line.
+        ConfigurationError: the text is not such a document; names ``where`` and the line.
     """
     try:
         return _yaml().load(text)
@@ -119,8 +120,8 @@ def validate(
         text: the YAML text the document came from; with it the sentence names the line.
 
     Raises:
-        OccError: one sentence ``WHERE, line N: key.path: got X; allowed ...`` on the error that
-            matters most: an unknown key comes first, for its misspelling explains a missing one.
+        ConfigurationError: ``WHERE, line N: key.path: got X; allowed ...`` for the most relevant
+            error; an unknown key comes first, because its misspelling explains a missing one.
     """
     try:
         errors = list(Draft202012Validator(schema).iter_errors(document))

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError, DataError, OccError
 
 DOCUMENT_BYTES = 8 << 20
 """No document that people edit is longer; reading so much YAML takes minutes already."""
@@ -34,19 +34,19 @@ def open_regular(path: str | Path, what: str = '') -> Iterator[BinaryIO]:
         what: what it is to be, before its name in messages.
 
     Raises:
-        OccError: it cannot be opened, or is no ordinary file.
+        DataError: it cannot be opened, or is no ordinary file.
     """
     named = f'{what} {path}' if what else path
     try:
         # A pipe that nobody writes to is opened at once, to be refused.
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     except (OSError, ValueError) as error:
-        raise OccError(f'cannot read {named}: {_reason(error)}') from error
+        raise DataError(f'cannot read {named}: {_reason(error)}') from error
     mode = os.fstat(descriptor).st_mode
     if not stat.S_ISREG(mode):
         os.close(descriptor)
         is_what = 'directory' if stat.S_ISDIR(mode) else 'device, a pipe or a socket'
-        raise OccError(f'cannot read {named}: it is a {is_what}; allowed is an ordinary file')
+        raise DataError(f'cannot read {named}: it is a {is_what}; allowed is an ordinary file')
     with os.fdopen(descriptor, 'rb') as stream:
         yield stream
 
@@ -55,17 +55,17 @@ def read_bytes(path: str | Path, limit: int = DOCUMENT_BYTES, what: str = '') ->
     """Return the content of an ordinary file of at most ``limit`` bytes.
 
     Raises:
-        OccError: it cannot be read, is no ordinary file, or is larger.
+        DataError: it cannot be read, is no ordinary file, or is larger.
     """
     with open_regular(path, what) as stream:
         size = os.fstat(stream.fileno()).st_size
         if size > limit:
-            raise OccError(f'cannot read {path}: it has {size} bytes; allowed are {limit} at most')
+            raise DataError(f'cannot read {path}: it has {size} bytes; allowed are {limit} at most')
         try:
             # What is appended meanwhile is not read.
             return stream.read(size)
         except OSError as error:
-            raise OccError(f'cannot read {path}: {_reason(error)}') from error
+            raise DataError(f'cannot read {path}: {_reason(error)}') from error
 
 
 @dataclass(frozen=True)
@@ -119,20 +119,22 @@ def check_outputs(
             over.
 
     Raises:
-        OccError: one of these; the sentence names the file and says what is allowed.
+        ConfigurationError: one of these; the sentence names the file and says what is allowed.
     """
     pairs = list(outputs.items() if isinstance(outputs, Mapping) else outputs)
     taken = [(path, 'is read by the same command') for path in inputs]
     for path, kind in pairs:
         if kind.suffixes and Path(path).suffix.lower() not in kind.suffixes:
-            raise OccError(
+            raise ConfigurationError(
                 f'cannot write {path}: {kind.words} is to be written there; allowed is a name that '
                 f'ends in {" or ".join(kind.suffixes)}'
             )
         for other, what in taken:
             if _is_same(path, other):
                 name = '' if str(path) == str(other) else f' is the same file as {other}, which'
-                raise OccError(f'cannot write {path}: it{name} {what}; allowed is another file')
+                raise ConfigurationError(
+                    f'cannot write {path}: it{name} {what}; allowed is another file'
+                )
         check_kind(path, kind)
         taken.append((path, 'is to be written by the same command'))
 
@@ -141,7 +143,7 @@ def check_kind(path: str | Path, kind: Kind) -> None:
     """Refuse to write a file where there is one of another kind, a directory or a device.
 
     Raises:
-        OccError: there is.
+        ConfigurationError: there is.
     """
     target = Path(path)
     check_is_file_or_nothing(target)
@@ -153,7 +155,7 @@ def check_kind(path: str | Path, kind: Kind) -> None:
     except OSError as error:
         raise OccError(f'cannot write {path}: {_reason(error)}') from error
     if head and not kind.pattern.search(head):
-        raise OccError(
+        raise ConfigurationError(
             f'cannot write {path}: there is a file that is not {kind.words}, which would be lost; '
             'allowed is a new file, or one of that kind'
         )
@@ -175,8 +177,8 @@ def replacing(path: str | Path, kind: Kind, *, durable: bool = True) -> Iterator
         durable: wait until it is on the disk; else a power cut may leave an empty file.
 
     Raises:
-        OccError: there is a file of another kind, or writing failed, for example because the disk
-            is full.
+        ConfigurationError: there is a file of another kind.
+        OccError: writing failed, for example because the disk is full.
     """
     check_kind(path, kind)
     draft, descriptor = None, -1
@@ -241,11 +243,11 @@ def check_is_file_or_nothing(path: Path) -> None:
     """Refuse a path at which there is a directory, a device or a pipe.
 
     Raises:
-        OccError: there is.
+        ConfigurationError: there is.
     """
     try:
         if path.exists() and not path.is_file():
-            raise OccError(
+            raise ConfigurationError(
                 f'cannot write {path}: it is no ordinary file; allowed is a new or such a one'
             )
     except OSError as error:
@@ -272,7 +274,7 @@ class DirectoryLock:
         """Lock a directory, which may be renamed afterwards.
 
         Raises:
-            OccError: somebody else has locked it.
+            ConfigurationError: somebody else has locked it.
         """
         try:
             descriptor = os.open(directory, os.O_RDONLY)
@@ -282,7 +284,7 @@ class DirectoryLock:
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise OccError(
+            raise ConfigurationError(
                 f'another program is writing to {directory}; allowed is another directory, or this '
                 'one when that has ended'
             ) from None
@@ -300,7 +302,7 @@ def set_aside(directory: Path) -> Path:
     """
     source = directory.resolve()
     if Path.cwd().is_relative_to(source):
-        raise OccError(
+        raise ConfigurationError(
             f'cannot rename {source}, in which this program was started, to make room; allowed is '
             'another directory, or a start from elsewhere'
         )

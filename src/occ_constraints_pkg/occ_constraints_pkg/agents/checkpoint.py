@@ -60,7 +60,7 @@ def read_checkpoint(path: Path | str) -> dict[str, Any]:
     """Read what :func:`write_checkpoint` wrote; all tensors on the CPU.
 
     Raises:
-        OccError: no such file, or not a checkpoint.
+        DataError: no such file, or not a checkpoint.
     """
     content = read_bytes(path, _MOST_BYTES, 'checkpoint')
     try:

@@ -160,7 +160,7 @@ def check_name(name: str) -> None:
     """Refuse a name that is neither a policy file nor a driver of any world.
 
     Raises:
-        OccError: no driver of any world has that name.
+        ConfigurationError: no driver of any world has that name.
     """
     names = sorted({'expert'}.union(*DRIVERS.values()))
     if not name.endswith('.npz') and name not in names:
@@ -183,7 +183,7 @@ def find_driver(
         explore: sample the actions of a trained policy instead of taking their mean.
 
     Raises:
-        OccError: there is no such driver, or the policy belongs to another world.
+        ConfigurationError: there is no such driver, or the policy belongs to another world.
     """
     check_driver(world.name, name)
     shipped = _expert_file(world.name)
@@ -202,7 +202,7 @@ def check_driver(world: str, name: str) -> None:
     """Refuse a name that is neither a driver of the world nor a policy file.
 
     Raises:
-        OccError: there is no such driver or no such world.
+        ConfigurationError: there is no such driver or no such world.
     """
     check_world(world)
     names = list(DRIVERS[world])

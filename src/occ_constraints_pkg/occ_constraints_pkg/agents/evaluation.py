@@ -85,7 +85,7 @@ def evaluate(
         cost_source: tells the cost of each state; the world's own where ``None``.
 
     Raises:
-        OccError: ``episodes`` is below 1.
+        ConfigurationError: ``episodes`` is below 1.
     """
     if episodes < 1:
         raise ConfigurationError(f'evaluation got episodes = {episodes}; allowed is 1 or more')
@@ -132,8 +132,8 @@ def evaluate_driver(
         constraints: rules that tell the cost; ``None`` for the world's own.
 
     Raises:
-        OccError: ``episodes`` is below 1, there is no such driver, or policy or rules do not belong
-            to the world.
+        ConfigurationError: ``episodes`` is below 1, there is no such driver, or the policy or the
+            rules do not belong to the world.
     """
     check_driver(world, name)
     simulated = make_world(world, max(1, min(episodes, _MOST_ROBOTS)))

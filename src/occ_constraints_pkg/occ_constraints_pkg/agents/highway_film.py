@@ -89,8 +89,8 @@ def draw_drives(path: Path, drives: Mapping[str, Drive], constraints: Constraint
         constraints: the rules by which each state is judged, if any.
 
     Raises:
-        OccError: the suffix is another one, a rule speaks of what the highway does not show, or
-            the file cannot be written.
+        ConfigurationError: the suffix is another one, or a rule uses a feature that the highway
+            does not have.
     """
     kind = kind_of(path)
     broken = {name: _violations(drive, constraints) for name, drive in drives.items()}
@@ -105,7 +105,7 @@ def kind_of(path: Path) -> Kind:
     """Return what :func:`draw_drives` writes to a file of this name.
 
     Raises:
-        OccError: there is no way to write such a file.
+        ConfigurationError: there is no way to write such a file.
     """
     kinds = {'.png': PICTURE, '.gif': GIF}
     if path.suffix.lower() not in kinds:

@@ -69,7 +69,7 @@ class GaussianPolicy:
         """Refuse numbers that do not make a policy.
 
         Raises:
-            OccError: shapes that do not fit one another, or numbers that are not finite.
+            DataError: shapes that do not fit one another, or numbers that are not finite.
         """
         k, a = len(self.columns), len(self.action_columns)
         widths = [k, *(bias.size for bias in self.biases)]
@@ -117,7 +117,7 @@ class GaussianPolicy:
             (N, a) float32.
 
         Raises:
-            OccError: the observation has another width or is not finite.
+            DataError: the observation has another width or is not finite.
         """
         x = np.asarray(observation, dtype=np.float32)
         if x.ndim != 2 or x.shape[1] != len(self.columns) or not np.isfinite(x).all():
@@ -149,7 +149,7 @@ class GaussianPolicy:
         """Refuse a world or a topic whose columns are not those of the policy, in its order.
 
         Raises:
-            OccError: the first difference.
+            DataError: the first difference.
         """
         for kind, own, given in (
             ('observation', self.columns, column_names(columns)),
@@ -196,7 +196,7 @@ class GaussianPolicy:
         """Read a policy file; nothing in it is executed.
 
         Raises:
-            OccError: no such file, not a policy file, or shapes that do not fit one another.
+            DataError: no such file, not a policy file, or shapes that do not fit one another.
         """
         fields = read_arrays(
             path,

@@ -26,7 +26,7 @@ def checked_cost(
         columns: number of columns of the observation.
 
     Raises:
-        OccError: a shape is wrong or a number is not finite.
+        DataError: a shape is wrong or a number is not finite.
     """
     cost = np.asarray(cost, dtype=np.float64)
     shape = batch.observation.shape

@@ -26,7 +26,7 @@ class RuleCost:
         world: the world, or its class.
 
     Raises:
-        OccError: a feature is not a column of the observation.
+        ConfigurationError: a feature is not a column of the observation.
     """
 
     def __init__(self, constraints: Constraints, world: World | type[World]) -> None:

@@ -78,7 +78,7 @@ def cost_limit(given: float | str, constraints: Constraints | None) -> float:
         constraints: the rules that tell the cost; ``None`` for another cost.
 
     Raises:
-        OccError: ``demonstrations`` without rules, or with a file that does not tell their cost.
+        ConfigurationError: ``demonstrations`` without rules, or with a file without their cost.
     """
     if given != DEMONSTRATIONS:
         return float(given)
@@ -100,7 +100,7 @@ def check(settings: RunSettings) -> float:
     """Refuse settings that no training could begin with; return the cost limit in numbers.
 
     Raises:
-        OccError: a setting is wrong.
+        ConfigurationError: a setting is wrong.
     """
     from occ_constraints_pkg.agents.ppo_lagrangian import torch_device
 
@@ -133,7 +133,7 @@ def run(
         say: told what happens besides.
 
     Raises:
-        OccError: a setting is wrong, or the training cannot be resumed with these settings.
+        ConfigurationError: a setting is wrong, or does not fit the training to resume.
     """
     from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian
 

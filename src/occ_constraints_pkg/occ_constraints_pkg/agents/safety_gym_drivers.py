@@ -37,7 +37,7 @@ class Senses:
         """Take the observation apart.
 
         Raises:
-            OccError: it has the wrong number of columns.
+            ConfigurationError: it has the wrong number of columns.
         """
         robot, task = split_name(world)
         width = _SENSORS[robot] + _BINS * len(_LIDARS[task])

@@ -41,7 +41,7 @@ def train_seeds(
         The directories, in the order of the seeds.
 
     Raises:
-        OccError: a training has ended with an error; the others are stopped, saved.
+        ConfigurationError: a training has ended with an error; the others are stopped, saved.
     """
     make_directory(output)
     found = sorted(item.name for item in output.iterdir())

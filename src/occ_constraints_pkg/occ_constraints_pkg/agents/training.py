@@ -15,7 +15,7 @@ import numpy as np
 
 from occ_constraints_pkg.agents.rule_cost import RuleCost
 from occ_constraints_pkg.archives import describe
-from occ_constraints_pkg.errors import ConfigurationError
+from occ_constraints_pkg.errors import ConfigurationError, DataError, OccError
 from occ_constraints_pkg.files import (
     ARCHIVE,
     CONSTRAINTS,
@@ -91,7 +91,8 @@ def train(
         The metrics of each update made here.
 
     Raises:
-        OccError: no end was given, or the learner belongs to another world.
+        ConfigurationError: no end was given, or the learner belongs to another world.
+        DataError: the checkpoint that was resumed is damaged.
     """
     if total_steps is None and seconds is None:
         raise ConfigurationError(
@@ -108,8 +109,10 @@ def train(
             if isinstance(cost_source, RuleCost):
                 cost_source.counts.evaluated[:] = resumed['counts']['evaluated']
                 cost_source.counts.violated[:] = resumed['counts']['violated']
+        except OccError:
+            raise
         except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
-            raise ConfigurationError(
+            raise DataError(
                 f'the checkpoint is damaged: what it says of the world cannot be used '
                 f'({type(error).__name__}: {describe(error)}); allowed is what a training has saved'
             ) from error
@@ -164,8 +167,8 @@ class TrainingDirectory:
         """Make room for a new training; return where an earlier one has been moved, if any.
 
         Raises:
-            OccError: another training is writing there, the directory cannot be moved, or it
-                holds something else than a training.
+            ConfigurationError: another training is writing there, or the directory holds something
+                else.
         """
         self._claim()
         self.check_begin()
@@ -180,7 +183,7 @@ class TrainingDirectory:
         """Refuse to begin among files that are not a training's.
 
         Raises:
-            OccError: there are some and no training is there.
+            ConfigurationError: there are some and no training is there.
         """
         found = sorted(item.name for item in self.path.iterdir())
         if found and self._METRICS not in found:
@@ -193,7 +196,7 @@ class TrainingDirectory:
         """Refuse to write any of its files over one that is read.
 
         Raises:
-            OccError: one of the inputs is in this directory, by whatever name or link.
+            ConfigurationError: one of the inputs is in this directory, by whatever name or link.
         """
         kinds = {
             self._RULES: CONSTRAINTS,
@@ -208,7 +211,7 @@ class TrainingDirectory:
         """Refuse to go on in another world than the one that was trained in.
 
         Raises:
-            OccError: the learner belongs to another world, which may well have the same columns.
+            ConfigurationError: the learner belongs to another world (possibly with equal columns).
         """
         if learner.world_name != world:
             raise ConfigurationError(
@@ -248,7 +251,7 @@ class TrainingDirectory:
         learner, companions = PPOLagrangian.load_all(self.path / self._CHECKPOINT, **changes)
         settings = companions.get('settings') if isinstance(companions, dict) else None
         if not isinstance(settings, dict):
-            raise ConfigurationError(
+            raise DataError(
                 f'{self.path / self._CHECKPOINT} is damaged: it tells no settings; allowed is what '
                 'a training has saved'
             )
@@ -267,7 +270,7 @@ class TrainingDirectory:
         """Return the metrics of all updates; a line cut short by a crash is left out.
 
         Raises:
-            OccError: the file cannot be read.
+            DataError: the file cannot be read.
         """
         return read_metrics(self.path / self._METRICS)
 
@@ -287,7 +290,7 @@ class TrainingDirectory:
             with log.open('a', encoding='utf-8') as file:
                 file.write(json.dumps(line) + '\n')
         except OSError as error:
-            raise ConfigurationError(f'cannot write {log}: {error.strerror}') from error
+            raise OccError(f'cannot write {log}: {error.strerror}') from error
 
     @property
     def is_due(self) -> bool:
@@ -332,7 +335,7 @@ def read_metrics(path: Path) -> list[dict[str, Any]]:
     """Return the lines of a metrics file; one cut short by a crash is left out.
 
     Raises:
-        OccError: the file cannot be read, or is damaged elsewhere.
+        DataError: the file cannot be read, or is damaged elsewhere.
     """
     # What follows the last newline was being written.
     complete = read_bytes(path, _METRICS_BYTES).split(b'\n')[:-1] if path.exists() else []
@@ -345,7 +348,7 @@ def read_metrics(path: Path) -> list[dict[str, Any]]:
         except (ValueError, RecursionError):
             line = None
         if not (isinstance(line, dict) and type(line.get('updates')) is int):
-            raise ConfigurationError(
+            raise DataError(
                 f'{path} is damaged: allowed is one JSON object for each update, with the number '
                 f'"updates", but line {number} is {_shortened(text)}'
             )

@@ -41,7 +41,7 @@ def fit_box(
         The tree's root; a leaf when nothing may be cut.
 
     Raises:
-        OccError: no sample, or a value that is not finite.
+        DataError: no sample, or a value that is not finite.
     """
     samples = checked_samples(values)
     if not most_outside(len(samples), settings.contamination):

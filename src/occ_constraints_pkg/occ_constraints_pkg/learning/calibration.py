@@ -96,7 +96,7 @@ def episodes_needed(false_alarm: float) -> int:
     """Return how many episodes must be held out for a stated probability of a false alarm.
 
     Raises:
-        OccError: it is not a number above 0 and below 1.
+        ConfigurationError: it is not a number above 0 and below 1.
     """
     return math.ceil(1 / _exact(false_alarm)) - 1
 
@@ -116,7 +116,7 @@ def calibrate(
         The moved safe set, and what it promises (rules that vanish are not known here).
 
     Raises:
-        OccError: the probability is not above 0 and below 1, or there are too few episodes.
+        ConfigurationError: the probability is not within 0 to 1, or there are too few episodes.
     """
     names, places = np.unique(episodes, return_inverse=True)
     count, needed = len(names), episodes_needed(false_alarm)

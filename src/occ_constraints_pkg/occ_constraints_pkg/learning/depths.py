@@ -67,7 +67,7 @@ def ablate_depth(
         progress: called with (depths done, depths in all).
 
     Raises:
-        OccError: there is no usable sample, or none has a true cost.
+        DataError: there is no usable sample, or none has a true cost.
     """
     samples = divide_samples(values, episodes, space, rng=rng)
     demonstrated = samples.demonstrated(space, settings)

@@ -222,7 +222,7 @@ def why_document(constraints: Constraints, rule_id: str) -> dict[str, Any]:
         rule_id: the rule.
 
     Raises:
-        OccError: there is no such rule.
+        ConfigurationError: there is no such rule.
     """
     space = constraints.rule_set.space
     ids = [rule.id for rule in constraints.rule_set.rules]

@@ -83,8 +83,8 @@ def learn(
         progress: called with (level, leaves so far) after each level of the tree.
 
     Raises:
-        OccError: there is no usable sample, the share is not within 0 to 1, or there are too few
-            episodes for the stated probability.
+        DataError: there is no usable sample, or the share is not within 0 to 1.
+        ConfigurationError: there are too few episodes for the stated probability.
     """
     settings = settings if settings is not None else OCTreeSettings()
     needed = 0 if false_alarm is None or safe_episodes is not None else episodes_needed(false_alarm)

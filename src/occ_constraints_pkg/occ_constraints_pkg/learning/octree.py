@@ -73,7 +73,7 @@ def fit_tree(
         The tree's root; a leaf when nothing could be divided.
 
     Raises:
-        OccError: no sample, or a value that is not finite.
+        DataError: no sample, or a value that is not finite.
     """
     # Column by column, for that is how the samples are read.
     samples = np.asfortranarray(checked_samples(values))

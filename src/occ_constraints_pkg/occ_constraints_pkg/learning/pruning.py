@@ -39,8 +39,8 @@ def prune(rule_set: RuleSet, threshold: float) -> Pruning:
     reward, so a rule that is never violated guards a region nobody wants to visit.
 
     Raises:
-        OccError: the threshold is not within 0 to 1, no rule was ever tried, or none would remain:
-            an empty formula calls everything safe.
+        ConfigurationError: the threshold is not within 0 to 1, no rule was ever evaluated, or none
+            would remain: an empty formula calls everything safe.
     """
     if not 0.0 <= threshold <= 1.0:
         raise ConfigurationError(f'the pruning threshold is {threshold}; allowed is 0 to 1')

@@ -36,7 +36,7 @@ def fit_safe_set(
         The tree's root.
 
     Raises:
-        OccError: no sample, or a value that is not finite.
+        DataError: no sample, or a value that is not finite.
     """
     fit = fit_box if settings.clip == 'mass' and settings.alpha == 0.0 else fit_tree
     return fit(values, settings, families=families, limits=limits, progress=progress)

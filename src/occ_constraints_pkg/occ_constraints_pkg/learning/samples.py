@@ -69,7 +69,7 @@ def checked_samples(values: np.ndarray) -> np.ndarray:
     """Return ``values`` as (n, k) finite float64.
 
     Raises:
-        OccError: no sample, or a value that is not finite.
+        DataError: no sample, or a value that is not finite.
     """
     try:
         if np.iscomplexobj(values):
@@ -112,7 +112,7 @@ def divide_samples(
             half of them.
 
     Raises:
-        OccError: there is no usable sample, or the share is not within 0 to 1.
+        DataError: there is no usable sample, or the share is not within 0 to 1.
     """
     if not 0.0 <= held_out_share < 1.0:
         raise DataError(f'held_out_share is {held_out_share}; allowed is 0 <= held_out_share < 1')

@@ -101,7 +101,7 @@ def score_flags(flagged: np.ndarray, costly: np.ndarray) -> Score:
         costly: (n,) bool.
 
     Raises:
-        OccError: the shapes differ.
+        DataError: the shapes differ.
     """
     if np.shape(flagged) != np.shape(costly):
         raise DataError(
@@ -123,7 +123,7 @@ def score_rules(rule_set: RuleSet, values: np.ndarray, true_cost: np.ndarray) ->
         true_cost: (n,) costly where above 0; samples with NaN or infinity are not scored.
 
     Raises:
-        OccError: the shapes do not fit, or no sample has a true cost.
+        DataError: the shapes do not fit, or no sample has a true cost.
     """
     rows = rule_set.space.check_rows(values)
     cost = np.asarray(true_cost, dtype=np.float64)

@@ -39,7 +39,7 @@ class OCTreeSettings:
             does, also those that other rules imply.
 
     Raises:
-        OccError: a value is not allowed.
+        ConfigurationError: a value is not allowed.
     """
 
     max_depth: int | None = 20
@@ -66,7 +66,7 @@ class OCTreeSettings:
             overrides: attributes to set otherwise.
 
         Raises:
-            OccError: a value is not allowed.
+            ConfigurationError: a value is not allowed.
         """
         preset = {
             'max_depth': None,

@@ -122,7 +122,8 @@ def load_constraints(path: str | Path) -> Constraints:
     """Read a constraints file.
 
     Raises:
-        OccError: it cannot be read or is not valid; the sentence names line, key and value.
+        ConfigurationError: it is not valid; the sentence names line, key and value.
+        DataError: it cannot be read.
     """
     if Path(path).is_dir() or Path(path).suffix in _DATA_SUFFIXES:
         found = 'a directory, as recordings are' if Path(path).is_dir() else 'a recording or table'
@@ -141,8 +142,9 @@ def save_learned(constraints: Constraints, path: str | Path, *, overwrite: bool 
         overwrite: replace a file that was edited; it is kept beside with the suffix ``.bak``.
 
     Raises:
-        OccError: the file there was edited and ``overwrite`` is off, it is no constraints file,
-            or it cannot be written.
+        ConfigurationError: the file there was edited and ``overwrite`` is off, or is not a
+            constraints file.
+        OccError: it cannot be written.
     """
     text = _text_there(path)
     _keep_edited(path, _is_edited(text, str(path)), overwrite)
@@ -165,8 +167,9 @@ def save_derived(
             be changed; what was edited is kept beside likewise.
 
     Raises:
-        OccError: the file there was edited and may not be replaced, it is no constraints file, or
-            it cannot be written.
+        ConfigurationError: the file there was edited and may not be replaced, or is not a
+            constraints file.
+        OccError: it cannot be written.
     """
     there = _text_there(path)
     _keep_edited(
@@ -207,7 +210,7 @@ def _keep_edited(path: str | Path, is_edited: bool, allowed: bool) -> None:
     """Keep a copy of an edited file.
 
     Raises:
-        OccError: it may not be replaced, or no copy can be written.
+        ConfigurationError: it may not be replaced, or no copy can be written.
     """
     if not is_edited:
         return
@@ -224,7 +227,7 @@ def parse_constraints(text: str, where: str) -> Constraints:
     """Read the text of a constraints file; ``where`` names it in messages.
 
     Raises:
-        OccError: the text is not valid; the sentence names line, key and value.
+        ConfigurationError: the text is not valid; the sentence names line, key and value.
     """
     document = parse_yaml(text, where)
     if isinstance(document, dict) and 'rules' not in document:

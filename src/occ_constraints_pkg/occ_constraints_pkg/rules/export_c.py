@@ -111,7 +111,7 @@ def export_c(rule_set: RuleSet, prefix: str = 'occ') -> str:
         prefix: begins every name, so that several rule sets fit into one program.
 
     Raises:
-        OccError: the prefix is no C identifier in lower case.
+        ConfigurationError: the prefix is no C identifier in lower case.
     """
     if not re.fullmatch(r'[a-z][a-z0-9_]*', prefix):
         raise ConfigurationError(

@@ -54,7 +54,7 @@ class Forecaster:
         window: seconds.
 
     Raises:
-        OccError: the window is no number above 0.
+        ConfigurationError: the window is no number above 0.
     """
 
     def __init__(self, rule_set: RuleSet, window: float = WINDOW_SECONDS) -> None:

@@ -33,7 +33,7 @@ class Debounce:
         release_count: good samples in a row that release it.
 
     Raises:
-        OccError: a number is below 1, or the count is larger than the window.
+        ConfigurationError: a number is below 1, or the count is larger than the window.
     """
 
     def __init__(self, trigger_count: int, trigger_window: int, release_count: int) -> None:
@@ -111,7 +111,7 @@ class GateSettings:
         timeout: seconds without a verdict that stop, and the largest age of a verdict.
 
     Raises:
-        OccError: a number is out of its range.
+        ConfigurationError: a number is out of its range.
     """
 
     slow_margin: float = 0.1

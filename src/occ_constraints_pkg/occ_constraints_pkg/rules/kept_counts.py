@@ -94,7 +94,7 @@ class KeptCounts(RuleCounts):
                 if target.is_file():
                     target.replace(_free_name(f'{self._path}.{self._other}'))
             except OSError as error:
-                raise DataError(f'cannot write {self._path}: {error.strerror or error}') from error
+                raise OccError(f'cannot write {self._path}: {error.strerror or error}') from error
         self._other = ''
         # The disk is not waited for: a monitor writes this each second beside its judging.
         with replacing(self._path, COUNTS, durable=False) as draft:
@@ -168,7 +168,7 @@ def read_counts(path: str | Path, rule_set: RuleSet) -> RuleCounts:
     """Return the counters of these rules that a file holds.
 
     Raises:
-        OccError: it cannot be read, is no file of counters, or counts other rules.
+        DataError: it cannot be read, is no file of counters, or counts other rules.
     """
     if not os.path.exists(path):
         raise DataError(f'cannot read {path}: there is no such file')

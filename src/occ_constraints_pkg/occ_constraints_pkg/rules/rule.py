@@ -32,7 +32,7 @@ class Literal:
         bound: finite number in the feature's unit.
 
     Raises:
-        OccError: the operator is unknown, or the bound not finite.
+        ConfigurationError: the operator is unknown, or the bound not finite.
     """
 
     feature: int
@@ -125,7 +125,7 @@ class Rule:
         violated: on how many of those it was true.
 
     Raises:
-        OccError: there is no literal.
+        ConfigurationError: there is no literal.
     """
 
     id: str

@@ -44,9 +44,9 @@ class RuleSet:
             difference is the scale of margins (1 for a feature that was constant).
 
     Raises:
-        OccError: an id is used twice, a demonstrated range is none, a literal speaks of a feature
-            that is not there, or an enabled rule can never be true, which in a safety rule is a
-            slip and no wish.
+        ConfigurationError: a duplicate id, an invalid demonstrated range, a literal on a feature
+            that does not exist, or an enabled rule that can never be true, which is a mistake in a
+            safety rule.
     """
 
     space: FeatureSpace
@@ -166,7 +166,7 @@ class RuleSet:
             A :class:`Judgement` of n samples.
 
         Raises:
-            OccError: the array has another shape.
+            ConfigurationError: the array has another shape.
         """
         rows = self.space.check_rows(values)
         if len(rows) == 1:
@@ -203,7 +203,7 @@ class RuleSet:
             (n,) int8, values of :class:`Verdict`.
 
         Raises:
-            OccError: the array has another shape.
+            ConfigurationError: the array has another shape.
         """
         rows = self.space.check_rows(values)
         verdict = np.full(len(rows), Verdict.SAFE, dtype=np.int8)
@@ -221,7 +221,7 @@ class RuleSet:
             sample: (k,) numbers in the units of the feature space.
 
         Raises:
-            OccError: the array has another shape.
+            ConfigurationError: the array has another shape.
         """
         row = np.asarray(sample, dtype=np.float64)
         if row.shape != (len(self.space),):

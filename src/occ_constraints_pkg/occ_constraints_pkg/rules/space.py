@@ -37,8 +37,8 @@ class FeatureSpace:
     """An ordered tuple of features.
 
     Raises:
-        OccError: no feature at all, a name twice, bounds that leave no value, or a family whose
-            members differ in unit or bounds.
+        ConfigurationError: no feature, a duplicate name, bounds that leave no value, or a family
+            whose members differ in unit or bounds.
     """
 
     features: tuple[Feature, ...]
@@ -104,7 +104,7 @@ class FeatureSpace:
         """Return the position of a feature.
 
         Raises:
-            OccError: there is no such feature.
+            ConfigurationError: there is no such feature.
         """
         try:
             return self.names.index(name)
@@ -117,7 +117,7 @@ class FeatureSpace:
         """Return ``values`` as (n, k) float64.
 
         Raises:
-            OccError: the shape is another one.
+            ConfigurationError: the shape is another one.
         """
         rows = np.asarray(values, dtype=np.float64)
         if rows.ndim != 2 or rows.shape[1] != len(self):

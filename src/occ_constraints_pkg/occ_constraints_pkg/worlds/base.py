@@ -96,7 +96,7 @@ class World(ABC):
             the state just reached, 0 or 1.
 
         Raises:
-            OccError: the action has the wrong shape or is not finite.
+            ConfigurationError: the action has the wrong shape or is not finite.
         """
 
     def view(self, row: int) -> RobotView:
@@ -145,7 +145,7 @@ class World(ABC):
         """Go on where a world of the same class and size was when it returned ``state``.
 
         Raises:
-            OccError: the state is that of another class or of another number of robots.
+            ConfigurationError: the state is that of another class or of another number of robots.
         """
         for name in self.state_names:
             saved: Any = state.get(name)

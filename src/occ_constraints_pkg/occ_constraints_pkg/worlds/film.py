@@ -79,7 +79,7 @@ def draw_episode(
         ``steps``, ``return`` and ``cost`` of what is shown.
 
     Raises:
-        OccError: the world has no view, or there is no way to write such a file.
+        ConfigurationError: the world has no view, or there is no way to write such a file.
     """
     kind = kind_of(path)
     suffix = path.suffix.lower()
@@ -110,7 +110,7 @@ def kind_of(path: Path) -> Kind:
     """Return what :func:`draw_episode` writes to a file of this name.
 
     Raises:
-        OccError: there is no way to write such a file.
+        ConfigurationError: there is no way to write such a file.
     """
     suffix = path.suffix.lower()
     if suffix != '.png' and not animation.writers.is_available(_WRITERS.get(suffix, '')):

@@ -50,7 +50,7 @@ class WorldEnv(gymnasium.Env):
         """Make one step; see :meth:`gymnasium.Env.step`.
 
         Raises:
-            OccError: the action has the wrong shape or is not finite.
+            ConfigurationError: the action has the wrong shape or is not finite.
         """
         observation, reward, terminated, truncated, info = self._world.step(
             np.asarray(action)[None]
@@ -108,7 +108,7 @@ class WorldVectorEnv(VectorEnv):
         """Make one step with every robot; see :meth:`gymnasium.vector.VectorEnv.step`.
 
         Raises:
-            OccError: the actions have the wrong shape or are not finite.
+            ConfigurationError: the actions have the wrong shape or are not finite.
         """
         observation, reward, terminated, truncated, info = self._world.step(actions)
         done = terminated | truncated

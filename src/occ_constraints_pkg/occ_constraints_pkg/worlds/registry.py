@@ -22,7 +22,8 @@ def make_world(name: str, num_envs: int, *, processes: int = 0) -> World:
             there are too few robots to share out. Worlds that need no processes ignore it.
 
     Raises:
-        OccError: there is no such world, a number is out of range, or MuJoCo is not installed.
+        ConfigurationError: there is no such world, or a number is out of range.
+        MissingDependencyError: MuJoCo is not installed.
     """
     world = world_class(name)
     if not 1 <= num_envs <= MOST_ROBOTS:
@@ -40,7 +41,7 @@ def check_world(name: str) -> None:
     """Refuse a name that is no world's, without importing anything.
 
     Raises:
-        OccError: there is no such world.
+        ConfigurationError: there is no such world.
     """
     if name not in _CLASSES:
         hint = did_you_mean(name, WORLDS) or ';'
@@ -53,7 +54,8 @@ def world_class(name: str) -> type[World]:
     """Return a world's class, whose attributes tell its columns without building one.
 
     Raises:
-        OccError: there is no such world, or MuJoCo is not installed.
+        ConfigurationError: there is no such world.
+        MissingDependencyError: MuJoCo is not installed.
     """
     check_world(name)
     module, class_name = _CLASSES[name]

@@ -65,7 +65,7 @@ class EpisodeStream:
         """Apply ``action`` (N, a) and return the next states.
 
         Raises:
-            OccError: the action has the wrong shape or is not finite.
+            ConfigurationError: the action has the wrong shape or is not finite.
         """
         last = self._last if self._last is not None else self.reset()
         observation, reward, terminated, truncated, info = self.world.step(action)
@@ -89,7 +89,7 @@ class EpisodeStream:
         """Go on where a stream was when it returned ``state``; return the batch shown last.
 
         Raises:
-            OccError: the state is that of another world or of another number of robots.
+            ConfigurationError: the state is that of another world or of another number of robots.
         """
         self.world.restore(state['world'])
         self._last = StepBatch(**state['last'])

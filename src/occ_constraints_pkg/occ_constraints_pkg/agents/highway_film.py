@@ -16,6 +16,7 @@ import numpy as np
 from matplotlib import animation
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
+from matplotlib.figure import SubFigure
 from matplotlib.patches import Polygon
 
 from occ_constraints_pkg.agents.rule_cost import RuleCost
@@ -168,7 +169,7 @@ def _draw_film(
     plt.close(figure)
 
 
-def _axes(block: plt.Figure, name: str, drive: Drive, shots: int) -> tuple[Sequence[Axes], Axes]:
+def _axes(block: SubFigure, name: str, drive: Drive, shots: int) -> tuple[Sequence[Axes], Axes]:
     grid = block.add_gridspec(
         shots,
         2,

@@ -181,7 +181,7 @@ def _improve(
     while epochs < config.passes and not moved:
         order = torch.from_numpy(rng.permutation(rows)).to(device)
         sums = torch.zeros(4, device=device)
-        for index in order.split(config.minibatch):
+        for index in torch.split(order, config.minibatch):
             x = observation[index]
             mean = actor(x)
             ratio = torch.exp(_log_probability(action[index], mean, log_std) - old_log_prob[index])

@@ -52,7 +52,7 @@ def train_seeds(
         )
     directories = {seed: output / f'seed_{seed}' for seed in seeds}
     waiting = list(seeds)
-    running: dict[int, subprocess.Popen] = {}
+    running: dict[int, subprocess.Popen[bytes]] = {}
     # One core each: processes of several worlds would only wait for one another.
     cores = len(os.sched_getaffinity(0))
     try:
@@ -101,7 +101,7 @@ def seeds_summary(
     return summary, [history for history in histories.values() if history]
 
 
-def _start(arguments: Sequence[str], seed: int, directory: Path) -> subprocess.Popen:
+def _start(arguments: Sequence[str], seed: int, directory: Path) -> subprocess.Popen[bytes]:
     make_directory(directory.parent)
     line = ['train', *arguments, '--seed', str(seed), '-o', str(directory), '--processes', '1']
     with _log(directory).open('wb') as log:

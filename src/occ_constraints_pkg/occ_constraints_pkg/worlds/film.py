@@ -18,6 +18,7 @@ from matplotlib import animation
 from matplotlib import pyplot as plt
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, FancyArrow, Patch, Polygon
 from scipy.spatial import ConvexHull
 
@@ -179,7 +180,7 @@ class _Stage:
         self._costs = self._axis.plot([], [], '.', color=_COST, ms=4, zorder=4)[0]
         kinds = dict.fromkeys(thing.kind for thing in moments[0].things)
         handles: list[Artist] = [Patch(label=kind, **_look(kind)) for kind in kinds]
-        handles.append(plt.Line2D([], [], color=_COST, marker='.', ls='', label='cost'))
+        handles.append(Line2D([], [], color=_COST, marker='.', ls='', label='cost'))
         self._axis.legend(handles=handles, loc='upper right', fontsize=8, framealpha=0.8)
         self._drawn: list[Artist] = []
 

@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from occ_constraints_pkg.documents import (
     dump_yaml,
-    parse_document,
     parse_yaml,
     read_json_object,
     read_text,
@@ -102,8 +101,9 @@ def test_files_that_cannot_be_read(tmp_path):
     ],
 )
 def test_sentence_names_line_key_value_and_what_is_allowed(schema, sentence):
+    text = "a:\n  b: [1, 'x']\n"
     with pytest.raises(OccError) as caught:
-        parse_document("a:\n  b: [1, 'x']\n", schema, 'FILE')
+        validate(parse_yaml(text, 'FILE'), schema, 'FILE', text=text)
     assert str(caught.value) == sentence
 
 

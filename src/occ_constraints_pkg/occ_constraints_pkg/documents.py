@@ -73,17 +73,6 @@ def read_json_object(path: str | Path) -> dict[str, Any]:
     raise ConfigurationError(f'cannot read {path}: {problem}; allowed is a JSON object')
 
 
-def parse_document(text: str, schema: Mapping[str, Any], where: str) -> Any:
-    """Parse YAML text and check it against ``schema``; errors name ``where`` and the line.
-
-    Raises:
-        ConfigurationError: the text is not YAML or breaks the schema.
-    """
-    document = parse_yaml(text, where)
-    validate(document, schema, where, text=text)
-    return document
-
-
 def parse_yaml(text: str, where: str) -> Any:
     """Parse YAML 1.2 into plain Python values; tags that would build other objects are refused.
 
@@ -139,10 +128,10 @@ def validate(
         path.append(_unknown_keys(error)[0])
     line = None if text is None else _line(text, path)
     place = where if line is None else f'{where}, line {line}'
-    raise ConfigurationError(f'{place}: {key_path(path)}{sentence}')
+    raise ConfigurationError(f'{place}: {_key_path(path)}{sentence}')
 
 
-def key_path(path: Iterable[str | int]) -> str:
+def _key_path(path: Iterable[str | int]) -> str:
     """Render a path into a document as ``features[2].bounds: ``, and the top as nothing."""
     text = ''
     for step in path:

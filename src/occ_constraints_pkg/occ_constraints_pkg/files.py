@@ -146,7 +146,7 @@ def check_kind(path: str | Path, kind: Kind) -> None:
         ConfigurationError: there is.
     """
     target = Path(path)
-    check_is_file_or_nothing(target)
+    _check_is_file_or_nothing(target)
     try:
         if not target.exists():
             return
@@ -239,7 +239,7 @@ def keep_copy(path: str | Path) -> Path:
     return copy
 
 
-def check_is_file_or_nothing(path: Path) -> None:
+def _check_is_file_or_nothing(path: Path) -> None:
     """Refuse a path at which there is a directory, a device or a pipe.
 
     Raises:

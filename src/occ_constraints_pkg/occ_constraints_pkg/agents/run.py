@@ -23,7 +23,7 @@ from occ_constraints_pkg.worlds.registry import make_world, world_class
 if TYPE_CHECKING:
     from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian
 
-DEMONSTRATIONS = 'demonstrations'
+_DEMONSTRATIONS = 'demonstrations'
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ def cost_limit(given: float | str, constraints: Constraints | None) -> float:
     Raises:
         ConfigurationError: ``demonstrations`` without rules, or with a file without their cost.
     """
-    if given != DEMONSTRATIONS:
+    if given != _DEMONSTRATIONS:
         return float(given)
     if constraints is None:
         raise ConfigurationError(

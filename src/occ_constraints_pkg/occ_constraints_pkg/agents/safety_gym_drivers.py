@@ -39,7 +39,7 @@ class Senses:
         Raises:
             ConfigurationError: it has the wrong number of columns.
         """
-        robot, task = split_name(world)
+        robot, task = _split_name(world)
         width = _SENSORS[robot] + _BINS * len(_LIDARS[task])
         values = np.asarray(observation, dtype=np.float64)
         if values.ndim != 2 or values.shape[1] != width:
@@ -74,7 +74,7 @@ class Senses:
         return _LIDAR_REACH * (1 - strength) * np.exp(1j * bearing)
 
 
-def split_name(world: str) -> tuple[str, str]:
+def _split_name(world: str) -> tuple[str, str]:
     """Return the robot and the task of a world's name: ``CarGoal1`` is ``Car``, ``Goal1``."""
     robot = 'Car' if world.startswith('Car') else 'Point'
     return robot, world.removeprefix(robot)
@@ -157,7 +157,7 @@ class _Avoider:
 
     def __init__(self, world: str) -> None:
         self._world = world
-        self._robot, self._task = split_name(world)
+        self._robot, self._task = _split_name(world)
         self._habits = _HABITS[self._robot]
         self._steer = _steer_car if self._robot == 'Car' else _steer_point
 

@@ -280,7 +280,7 @@ def prune(
     """
     from occ_constraints_pkg.learning.pruning import prune as prune_rules
     from occ_constraints_pkg.rules.constraints_file import load_constraints, save_derived
-    from occ_constraints_pkg.rules.kept_counts import read_counts
+    from occ_constraints_pkg.rules.persistent_counts import read_counts
 
     if output is not None:
         check_outputs({output: CONSTRAINTS}, [constraints, *([counts] if counts else [])])

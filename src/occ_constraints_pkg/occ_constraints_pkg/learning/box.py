@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""The safe set as one box: what clipping by mass gives where no interval is ever split."""
+"""The safe set as one box: the result of clipping by mass if no interval is ever split."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ def fit_box(
 ) -> Node:
     """Learn one box around the samples, as a tree in which every split has one branch.
 
-    It is what :func:`~occ_constraints_pkg.learning.octree.fit_tree` comes to with clipping by mass
-    and alpha 0, but that the order of the features is settled at the root; so it takes a few passes
-    over the samples instead of one for each level and feature. Each interval is shrunk to the
-    samples that are inside so far.
+    Equivalent to :func:`~occ_constraints_pkg.learning.octree.fit_tree` with clipping by mass and
+    alpha 0, except that the order of the features is chosen at the root. It therefore takes a few
+    passes over the samples instead of one per level and feature. Each interval is shrunk to the
+    samples that are still inside.
 
     Args:
         values: (n, k) finite samples.
@@ -45,7 +45,7 @@ def fit_box(
     """
     samples = checked_samples(values)
     if not most_outside(len(samples), settings.contamination):
-        # Nothing may be cut. There may be very many features, so it is worth to say so here.
+        # Nothing may be cut; worth a shortcut, because there may be very many features.
         return Node()
     deepest = DEEPEST if settings.max_depth is None else settings.max_depth
     units = make_units(samples, families, limits)
@@ -87,7 +87,7 @@ def fit_box(
 def _shrunk(unit: Unit, cut: Trim, inside: np.ndarray, outside: np.ndarray) -> tuple[float, float]:
     """Return the smallest and the largest value inside; bounds of ``cut`` lie on samples.
 
-    Only where one of the few samples outside is at or within a bound is there anything to find.
+    They differ from ``cut`` only if one of the few samples outside lies at or within a bound.
     """
     low, high = cut.low, cut.high
     if (unit.smallest[outside] == low).any():

@@ -19,11 +19,11 @@ from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.rules.space import FeatureSpace
 from occ_constraints_pkg.terminal import printable
 
-# How far from a bound, as a share of its feature's demonstrated range, a sample counts as near.
+# Distance to a bound, in parts of the demonstrated range, within which a sample counts as near.
 NEAR = 0.01
-# A longer formula goes without: nobody would read that much, and every program would have to.
+# Longer formulas have no evidence: nobody would read it, and every program would have to parse it.
 MOST_LITERALS = 2000
-# Samples that are named for each bound, each of another episode.
+# Samples listed per bound, each of another episode.
 _MOST_NAMED = 3
 
 
@@ -31,14 +31,14 @@ _MOST_NAMED = 3
 class LiteralEvidence:
     """The samples that hold a bound where it is.
 
-    These are the SAFE samples that would be violations without the literal: all other literals of
-    its rule are true on them. They keep the bound from moving inward.
+    These SAFE samples would be violations without the literal, because all other literals of its
+    rule are true on them. They keep the bound from moving inward.
 
     Attributes:
         near: how many lie within :data:`NEAR` of the bound.
         episodes: of how many episodes these are.
-        closest: (position, feature, value) of the closest, whether near or not, at most one of an
-            episode. The feature is another than the literal's where a family shares its bounds.
+        closest: (position, feature, value) of the closest, near or not, at most one per episode.
+            The feature differs from the literal's if a family shares its bounds.
     """
 
     near: int
@@ -48,11 +48,11 @@ class LiteralEvidence:
 
 @dataclass(frozen=True, eq=False)
 class RuleEvidence:
-    """What the demonstrations say of a rule.
+    """The evidence for a rule.
 
     Attributes:
         rule: the rule.
-        flagged: training samples on which it is true: they were taken for outliers.
+        flagged: training samples on which it is true, treated as outliers.
         literals: the evidence for each of its literals, in order.
     """
 
@@ -70,16 +70,16 @@ def gather_evidence(
 ) -> list[RuleEvidence]:
     """Find the evidence for all enabled rules.
 
-    Takes one pass over a feature's column for each different literal; for a literal in a rule of
-    several, and without a sample near, one more over its rule's other columns.
+    Takes one pass over the column for each distinct literal; if no sample is near, one more over
+    the other columns of its rule.
 
     Args:
         rule_set: the rules.
         rows: (n, k) finite samples that the rules were learned from.
         safe: (n,) bool, whether the verdict on each is SAFE.
         episodes: (n,) the episode of each.
-        families: positions of features that were given the same bounds. What holds one of these is
-            the member closest to it, whichever feature the literal is about.
+        families: positions of features with shared bounds; each bound is held by the member closest
+            to it, whichever feature the literal names.
     """
     members = {member: tuple(family) for family in families for member in family}
     rules = [rule_set.rules[index] for index in rule_set.order]
@@ -91,7 +91,7 @@ def gather_evidence(
     found: dict[tuple[str, Literal], LiteralEvidence] = {}
     group: tuple[tuple[int, ...], bool] = ((), False)
     values, features = np.empty(0), np.empty(0)
-    # In an order in which no more than one column has to be copied at a time.
+    # Sorted so that only one column has to be copied at a time.
     for literal in sorted(
         holders, key=lambda item: (members.get(item.feature, (item.feature,)), item.is_upper)
     ):
@@ -135,12 +135,12 @@ def evidence_document(
 ) -> dict[str, Any]:
     """Return evidence as plain values for the constraints file.
 
-    The formula tells later whether a rule is still the one that this is about.
+    The formula is stored to detect later edits of the rule.
 
     Args:
         evidence: of each rule.
         space: the features.
-        origin: for a position of a sample: where it came from; may be empty.
+        origin: maps the position of a sample to its source; may be empty.
     """
     names = space.names
     return {
@@ -211,11 +211,10 @@ _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 def why_document(constraints: Constraints, rule_id: str) -> dict[str, Any]:
-    """Return a rule with what the demonstrations say of it, as what JSON can hold.
+    """Return a rule and its evidence as plain values, ready for JSON.
 
-    Evidence is about the bounds that were learned. When one of a rule has been moved, or a literal
-    added or removed, none of it applies, for other samples would be near. Then ``missing`` says
-    why, and there is nothing else.
+    Evidence refers to the learned bounds. If a bound of the rule was moved, or a literal added or
+    removed, other samples would be near, so there is no evidence and ``missing`` says why.
 
     Args:
         constraints: the file.
@@ -279,13 +278,13 @@ def describe_why(document: Mapping[str, Any]) -> str:
 
 
 def _learned(constraints: Constraints, rule: Rule) -> Mapping[str, Any] | None:
-    """Return what the file holds of the rule of this id, None if nothing."""
+    """Return the stored evidence for the rule, None if there is none."""
     items = constraints.evidence.get('rules', ())
     return next((item for item in items if item['id'] == rule.id), None)
 
 
 def _missing(constraints: Constraints, rule: Rule, learned: Mapping[str, Any] | None) -> str | None:
-    """Say why there is no evidence for a rule as it stands, None where there is."""
+    """Return why there is no evidence for the rule as it is now, None if there is."""
     if not constraints.evidence:
         return (
             'the file holds none; it was written by hand, by an earlier version, or with more than '
@@ -301,7 +300,7 @@ def _missing(constraints: Constraints, rule: Rule, learned: Mapping[str, Any] | 
 
 
 def _traced(constraints: Constraints, sample: Mapping[str, Any]) -> dict[str, Any]:
-    """Name the file, and tell times in seconds and by the calendar."""
+    """Add the name of the source, and times in seconds and as a date."""
     found = {key: sample[key] for key in ('value', 'feature') if key in sample}
     sources = constraints.provenance.get('bags', ())
     if 0 <= sample.get('source', -1) < len(sources):
@@ -348,6 +347,6 @@ def _describe_sample(sample: Mapping[str, Any]) -> str:
 
 
 def _seconds(time_ns: int) -> str:
-    """Return seconds with all nine places, which a float could not hold."""
+    """Return seconds with all nine decimals, more than a float holds."""
     seconds, rest = divmod(time_ns, 10**9)
     return f'{seconds}.{rest:09d}'

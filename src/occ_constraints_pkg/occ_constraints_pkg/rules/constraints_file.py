@@ -28,7 +28,7 @@ from occ_constraints_pkg.rules.rule import Literal, Rule
 from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.rules.space import Feature, FeatureSpace
 
-SCHEMA_VERSION = 1
+_SCHEMA_VERSION = 1
 # The last line of a file that was made from another one.
 _SEAL = re.compile(r'^# not edited since occ wrote it, SHA-256 ([0-9a-f]{64})\n\Z', re.MULTILINE)
 _SCHEMA = load_schema(__package__, 'constraints.schema.json')
@@ -90,7 +90,7 @@ class Constraints:
     def dumps(self) -> str:
         """Return the YAML text; every float is written so that it reads back bit for bit."""
         space = self.rule_set.space
-        document: dict[str, Any] = {'schema_version': SCHEMA_VERSION}
+        document: dict[str, Any] = {'schema_version': _SCHEMA_VERSION}
         document['features'] = [
             {
                 'name': feature.name,
@@ -264,10 +264,10 @@ def parse_constraints(text: str, where: str) -> Constraints:
 def _check_version(document: Any, where: str) -> None:
     """Refuse a newer file by its version; else its first new key would look like a slip."""
     version = document.get('schema_version') if isinstance(document, dict) else None
-    if isinstance(version, int) and version > SCHEMA_VERSION:
+    if isinstance(version, int) and version > _SCHEMA_VERSION:
         raise ConfigurationError(
             f'{where}: schema_version: got {version}, written by a newer occ_constraints_pkg; '
-            f'allowed here is {SCHEMA_VERSION}'
+            f'allowed here is {_SCHEMA_VERSION}'
         )
 
 

@@ -20,7 +20,7 @@ from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.worlds.base import Column
 from occ_constraints_pkg.worlds.registry import WORLDS, make_world
 
-NAMESPACE = 'occ_constraints'
+_NAMESPACE = 'occ_constraints'
 
 
 class WorldEnv(gymnasium.Env):
@@ -140,10 +140,10 @@ class WorldVectorEnv(VectorEnv):
         return found
 
 
-def register_worlds() -> None:
+def _register_worlds() -> None:
     """Register every world as ``occ_constraints/<name>-v0`` where it is not registered yet."""
     for world in WORLDS:
-        name = f'{NAMESPACE}/{world}-v0'
+        name = f'{_NAMESPACE}/{world}-v0'
         if name not in gymnasium.registry:
             gymnasium.register(
                 name,
@@ -174,4 +174,4 @@ def _of_one(info: dict[str, np.ndarray]) -> dict[str, Any]:
     return {name: value[0].item() for name, value in _named(info).items()}
 
 
-register_worlds()
+_register_worlds()

@@ -18,7 +18,7 @@ ACCELERATION_RANGE = 5.0
 # At 30 m/s this is 9 m/s^2 sideways, about what tyres hold.
 STEERING_RANGE = 0.05
 # Reward grows from the first of these speeds to the second, as in highway-env; in m/s.
-REWARDED_SPEEDS = (20.0, 30.0)
+_REWARDED_SPEEDS = (20.0, 30.0)
 _SECONDS = 40.0
 _SIXTH = range(6)
 # A gap of so many m gives a nearness of a half.
@@ -128,7 +128,7 @@ class Highway(World):
         self.traffic.step(ACCELERATION_RANGE * chosen[:, 0], -STEERING_RANGE * chosen[:, 1])
         self._steps += 1
         observation, info = self._seen()
-        low, high = REWARDED_SPEEDS
+        low, high = _REWARDED_SPEEDS
         speed = observation[:, 0].astype(np.float64)
         reward = STEP_SECONDS * np.clip((speed - low) / (high - low), 0.0, 1.0)
         terminated = info['collision'] | info['off_road']

@@ -349,7 +349,7 @@ def _sync_directory(directory: Path) -> None:
 
 
 def _is_same(path: str | Path, other: str | Path) -> bool:
-    """Tell whether two names lead to one file, through whatever links, be it there or not."""
+    """Return whether two names lead to one file, through whatever links, be it there or not."""
     try:
         if os.path.isdir(other):
             return False

@@ -297,7 +297,7 @@ def prune(
             {
                 'output': target,
                 'pruned': result.pruned,
-                'untried': result.untried,
+                'untried': result.not_evaluated,
                 'kept': [result.rule_set.rules[i].id for i in result.rule_set.order],
             }
         )

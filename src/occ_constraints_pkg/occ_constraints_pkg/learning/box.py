@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from occ_constraints_pkg.learning.octree import is_stable, oversteps
+from occ_constraints_pkg.learning.octree import exceeds_nu, is_stable
 from occ_constraints_pkg.learning.samples import checked_samples
 from occ_constraints_pkg.learning.settings import DEEPEST, OCTreeSettings
 from occ_constraints_pkg.learning.tree import Branch, Node
@@ -68,7 +68,7 @@ def fit_box(
         interval = _shrunk(unit, cut, narrowed, gone)
         if interval == cut.extent:
             continue
-        if settings.nu is not None and oversteps(count, total, settings.nu):
+        if settings.nu is not None and exceeds_nu(count, total, settings.nu):
             break
         stable = is_stable(1, 1, count, total - len(outside))
         levels.append((unit.features, Branch(*interval, count, Node())))

@@ -70,7 +70,7 @@ class SafeSet:
         return inside & self.tree.contains(rows)
 
     def tolerances(self, rows: np.ndarray) -> np.ndarray:
-        """Return (n,) the smallest margin at which each of (n, k) rows is inside, but for rounding."""
+        """Return (n,) the margins at which each of (n, k) rows is just inside, but for rounding."""
         with np.errstate(over='ignore'):
             outside = np.maximum(self.box[:, 0] - rows, rows - self.box[:, 1]) / self.scale
         worst = np.maximum(outside.max(axis=1, initial=0.0), 0.0)

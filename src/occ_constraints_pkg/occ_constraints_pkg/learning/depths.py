@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""What each level of the tree adds: the rules of all depths from one tree."""
+"""Comparison of tree depths: the rules of every depth from one tree."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class DepthResult:
 
     Attributes:
         depth: levels of splits; 0 is the smallest and largest demonstrated values alone.
-        rule_set: its rules, which are those that learning with this depth limit gives.
+        rule_set: its rules, the same as learning with this depth limit gives.
         rules: number of rules.
         literals: number of their literals.
         training: share of the training samples inside the safe set.
@@ -53,7 +53,7 @@ def ablate_depth(
     truth: tuple[np.ndarray, np.ndarray] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[DepthResult]:
-    """Grow the tree once and return what it gives when it is cut at each level.
+    """Grow the tree once and return the rules that it gives when cut at each level.
 
     Safe sets are nested: a deeper one lies within a shallower one.
 
@@ -116,7 +116,7 @@ def describe_depths(results: Sequence[DepthResult]) -> str:
 
 
 def depths_document(results: Sequence[DepthResult]) -> list[dict[str, Any]]:
-    """Return one mapping for each depth, as what JSON can hold."""
+    """Return one mapping for each depth, ready for JSON."""
     return [
         {
             'depth': item.depth,

@@ -104,7 +104,7 @@ def divide_family(
 
 
 def is_eligible(ordered: np.ndarray, h: float) -> bool:
-    """Tell whether an attribute may be divided (article, p. 12-14, rules 1 and 3).
+    """Return whether an attribute may be divided (article, p. 12-14, rules 1 and 3).
 
     These are rules of local pre-pruning; rule 2 is in `octree`. It is not eligible if all values
     are equal, or if the bandwidth is below the smallest step between distinct values: the data are

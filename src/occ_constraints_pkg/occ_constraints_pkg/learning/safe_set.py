@@ -26,9 +26,9 @@ def fit_safe_set(
 
     Args:
         values: (n, k) finite samples.
-        settings: where they never split an interval (clipping by mass, alpha 0), the region is one
+        settings: if they never split an interval (clipping by mass, alpha 0), the region is one
             box; else a tree is grown.
-        families: positions of features that share their bounds; only clipping by mass heeds them.
+        families: positions of features that share their bounds; only for clipping by mass.
         limits: (k, 2) physical bounds of the features; ``None`` for none.
         progress: called with (level, leaves so far) after each level.
 

@@ -20,7 +20,7 @@ from occ_constraints_pkg.terminal import printable
 
 @dataclass(frozen=True)
 class Score:
-    """Counts of samples, and the usual ratios of them; a ratio with nothing below it is NaN.
+    """Counts of samples and their ratios; a ratio with denominator 0 is NaN.
 
     Attributes:
         samples: all samples.
@@ -61,12 +61,12 @@ class Score:
 
 @dataclass(frozen=True)
 class RuleScore:
-    """One enabled rule beside the truth. Samples whose verdict is UNKNOWN count for no rule.
+    """The score of one enabled rule. UNKNOWN samples count for no rule.
 
     Attributes:
         rule: the rule.
         alone: the samples on which the rule is true, as if it were the only one.
-        first: samples on which it is the first true rule, and so the one a monitor names.
+        first: samples on which it is the first true rule, the one that a monitor reports.
         first_costly: those of them that are truly costly.
     """
 
@@ -78,12 +78,12 @@ class RuleScore:
 
 @dataclass(frozen=True)
 class RuleSetScore:
-    """A rule set beside the truth.
+    """The score of a rule set.
 
     Attributes:
         overall: the samples that are not SAFE; UNKNOWN is flagged, as its cost is 1.
         unknown: samples whose verdict is UNKNOWN.
-        unscored: samples without a finite true cost, which count nowhere else.
+        unscored: samples without a finite true cost, not counted anywhere else.
         rules: the enabled rules in the order they are tried.
     """
 
@@ -165,7 +165,7 @@ def _ratio(part: int, whole: int) -> float:
 
 
 def describe_score(score: RuleSetScore, space: FeatureSpace) -> str:
-    """Return a score as lines of text; a rule has a line when it is true on some sample.
+    """Return a score as lines of text, with a line for each rule that is true on some sample.
 
     Args:
         score: of a rule set.
@@ -191,7 +191,7 @@ def describe_score(score: RuleSetScore, space: FeatureSpace) -> str:
 
 
 def score_document(score: RuleSetScore, space: FeatureSpace) -> dict[str, Any]:
-    """Return a score as what JSON can hold; a ratio with nothing below it is None.
+    """Return a score as plain values, ready for JSON; an undefined ratio is None.
 
     Args:
         score: of a rule set.

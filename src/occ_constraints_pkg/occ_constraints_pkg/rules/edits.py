@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Changes to a rule set that a person asks for in a few words: rules on or off, bounds moved."""
+"""Edits of a rule set: rules enabled or disabled, bounds moved."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class MovedBound:
 
 @dataclass(frozen=True)
 class RuleEdits:
-    """What is to differ from a rule set as it was loaded.
+    """Edits to apply to a rule set as loaded.
 
     Attributes:
         disabled: ids of rules to disable.

@@ -325,7 +325,7 @@ class Traffic:
 def _overlap(
     offset: np.ndarray, own: np.ndarray, other: np.ndarray, moved: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Tell whether two vehicles overlap, and whether they will after moving on.
+    """Return whether two vehicles overlap, and whether they will after moving on.
 
     Two rectangles are apart exactly if they are along the direction of one of their sides.
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Archives of arrays, read in bounded memory, and only where every byte is as it was written."""
+"""Archives of arrays, read in bounded memory and with all checksums verified."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def read_member(archive: zipfile.ZipFile, item: zipfile.ZipInfo) -> bytes:
 
 
 def describe(error: BaseException) -> str:
-    """Return what a reader found, in a few words on one line."""
+    """Return the message of an exception, shortened, on one line."""
     text = ' '.join(str(error).split()) or type(error).__name__
     return text if len(text) <= 100 else f'{text[:97]}...'
 
@@ -120,7 +120,7 @@ def _arrays(
             continue
         if name in arrays:
             raise ValueError(f'{name!r} is there twice')
-        # An array may be of bytes, and is to become one of float64.
+        # An array of bytes may be converted to float64.
         taken += item.file_size
         if taken > allowed:
             raise _too_large(path, name, taken, allowed)
@@ -156,7 +156,7 @@ def _header(stream: IO[bytes]) -> tuple[np.dtype, int]:
 
 
 def _array(content: bytes) -> np.ndarray:
-    """Return the array that a member holds; its size has to be the one that its header tells."""
+    """Return the array of a member, whose size must match its header."""
     stream = io.BytesIO(content)
     dtype, count = _header(stream)
     if count * dtype.itemsize != len(content) - stream.tell():

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""The same training with several seeds, spread over the cores as processes of their own."""
+"""The same training with several seeds, each in a process of its own."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.files import make_directory
 from occ_constraints_pkg.stopping import PARENT_VARIABLE, stop_request
 
-_LOOK_SECONDS = 0.5
+_POLL_SECONDS = 0.5
 _STOP_SECONDS = 30.0
 
 
@@ -53,7 +53,7 @@ def train_seeds(
     directories = {seed: output / f'seed_{seed}' for seed in seeds}
     waiting = list(seeds)
     running: dict[int, subprocess.Popen[bytes]] = {}
-    # One core each: processes of several worlds would only wait for one another.
+    # One core each: more processes per world would only compete.
     cores = len(os.sched_getaffinity(0))
     try:
         with stop_request.listening():
@@ -68,7 +68,7 @@ def train_seeds(
                     if process.returncode:
                         raise ConfigurationError(f'seed {seed}: {_last_words(directories[seed])}')
                 progress(_latest(directories))
-                time.sleep(_LOOK_SECONDS)
+                time.sleep(_POLL_SECONDS)
     finally:
         _stop(running.values())
     return list(directories.values())
@@ -111,7 +111,7 @@ def _start(arguments: Sequence[str], seed: int, directory: Path) -> subprocess.P
             stderr=subprocess.STDOUT,
             stdin=subprocess.DEVNULL,
             env={**os.environ, PARENT_VARIABLE: str(os.getpid()), 'OPENBLAS_NUM_THREADS': '1'},
-            # Ctrl-C comes to all processes of the terminal; these are stopped from here.
+            # Ctrl-C goes to all processes of the terminal; these are stopped by this one.
             start_new_session=True,
         )
 
@@ -134,7 +134,7 @@ def _latest(directories: dict[int, Path]) -> dict[int, dict[str, Any]]:
 
 
 def _log(directory: Path) -> Path:
-    # Beside the directory, which a new training moves aside.
+    # Next to the directory, because a new training moves that aside.
     return directory.with_name(f'{directory.name}.log')
 
 

@@ -36,22 +36,22 @@ if TYPE_CHECKING:
     from occ_constraints_pkg.agents.settings import TrainingMetrics
 
 _SAVE_SECONDS = 10.0
-# Of metrics, a line of some 300 bytes for each update.
+# Limit of the metrics file, which has a line of some 300 bytes for each update.
 _METRICS_BYTES = 64 << 20
 
 
 class CostSource(Protocol):
-    """Whatever says what the states just reached cost: any callable of this form will do."""
+    """A callable that returns the cost of the states just reached."""
 
     def __call__(self, batch: StepBatch) -> np.ndarray:
         """Return the cost of each robot's state, (N,) finite, 0 or 1.
 
-        Called once per step, in order, so that a source may keep what it needs of earlier steps.
+        Called once per step, in order, so a source may depend on earlier steps.
         """
 
 
 class TrueCost:
-    """The world's own cost, which no learned rule sees: the baseline called *expert*."""
+    """The cost of the world, not of learned rules: the baseline called *expert*."""
 
     def __call__(self, batch: StepBatch) -> np.ndarray:
         """Return ``batch.true_cost``."""
@@ -74,18 +74,18 @@ def train(
     """Train until the learner has seen ``total_steps``, or for ``seconds``, whichever is first.
 
     Args:
-        world: starts new episodes at once; what the learner had half open is forgotten.
-        learner: continues from where it is, so its steps count from its own beginning.
-        cost_source: tells the cost of each state reached.
+        world: starts new episodes; an open transition of the learner is dropped.
+        learner: continues from its present state; its steps count from its creation.
+        cost_source: returns the cost of each state reached.
         seed: of the world's generators.
         total_steps: robot steps, summed over robots, since the learner was made.
         seconds: wall time of this call.
         progress: called after each update.
-        directory: takes the metrics of each update, and policy and checkpoint from time to time
-            and at the end.
-        resumed: what :meth:`TrainingDirectory.resume` returned beside the learner: the world and
-            the counters of the rules go on from there instead, and nothing is forgotten.
-        is_stopped: asked before each step; ``True`` ends the training there.
+        directory: receives the metrics of each update, and policy and checkpoint periodically and
+            at the end.
+        resumed: the companions from :meth:`TrainingDirectory.resume`: the world and the rule
+            counters continue from there, and no transition is dropped.
+        is_stopped: called before each step; ``True`` ends the training.
 
     Returns:
         The metrics of each update made here.
@@ -139,15 +139,15 @@ def train(
 
 
 class TrainingDirectory:
-    """Where a training leaves its metrics, policy, checkpoint and a summary.
+    """The directory of a training: metrics, policy, checkpoint and a summary.
 
-    An earlier training in the same place is moved aside, not overwritten. Policy and checkpoint
-    are due after the first update and then every 10 s, so that a crash costs no more than that.
-    From :meth:`begin` or :meth:`resume` on no other training may begin there.
+    An earlier training there is moved aside, not overwritten. Policy and checkpoint are saved after
+    the first update and then every 10 s, so that a crash costs no more than that. :meth:`begin` and
+    :meth:`resume` lock the directory against other trainings.
 
     Args:
-        path: the directory; made if it is not there.
-        settings: what the caller made world and learner from; kept in the checkpoint.
+        path: the directory; created if it does not exist.
+        settings: the settings of world and learner; stored in the checkpoint.
 
     Raises:
         OccError: it cannot be written to.
@@ -220,19 +220,19 @@ class TrainingDirectory:
             )
 
     def _claim(self) -> None:
-        # Given up first, for it may be the same one.
+        # Released first, because it may be the same directory.
         self._lock = None
         self._lock = DirectoryLock(self.path)
 
     @property
     def has_checkpoint(self) -> bool:
-        """Whether there is something to resume."""
+        """Whether there is a checkpoint to resume."""
         return (self.path / self._CHECKPOINT).exists()
 
     def resume(self, **changes: Any) -> tuple[PPOLagrangian, dict[str, Any]]:
-        """Read the checkpoint, and cut the metrics back to it.
+        """Read the checkpoint, and truncate the metrics to it.
 
-        Updates made between the checkpoint and a crash are made again, so their lines go.
+        Updates between the checkpoint and a crash are repeated, so their lines are removed.
 
         Args:
             **changes: settings of the learner that replace those of the checkpoint.
@@ -267,7 +267,7 @@ class TrainingDirectory:
         return learner, companions
 
     def history(self) -> list[dict[str, Any]]:
-        """Return the metrics of all updates; a line cut short by a crash is left out.
+        """Return the metrics of all updates; a line truncated by a crash is left out.
 
         Raises:
             DataError: the file cannot be read.
@@ -275,7 +275,7 @@ class TrainingDirectory:
         return read_metrics(self.path / self._METRICS)
 
     def add(self, learner: PPOLagrangian) -> None:
-        """Note the metrics of the update just made.
+        """Append the metrics of the latest update.
 
         Raises:
             OccError: the file cannot be written.
@@ -307,12 +307,12 @@ class TrainingDirectory:
 
         Args:
             learner: what to save.
-            stream: where its world stands; it has been given all but the last batch. ``None``
-                where the world lives elsewhere.
-            cost_source: what told the costs.
+            stream: the state of its world; the learner has all but the last batch. ``None`` if the
+                world is in another process.
+            cost_source: the source of the costs.
 
         Raises:
-            OccError: a file cannot be written; the ones before stay.
+            OccError: a file cannot be written; the previous ones stay.
         """
         if not learner.updates:
             return
@@ -322,7 +322,7 @@ class TrainingDirectory:
         if isinstance(cost_source, RuleCost):
             counts = cost_source.counts
             companions['counts'] = {'evaluated': counts.evaluated, 'violated': counts.violated}
-            # What a person changes there meanwhile is kept beside.
+            # A copy of a file that was edited meanwhile is kept.
             save_derived(cost_source.counted(), self.path / self._RULES, overwrite=True)
         learner.policy().save(self.path / 'policy.npz')
         learner.save(self.path / self._CHECKPOINT, **companions)
@@ -332,12 +332,12 @@ class TrainingDirectory:
 
 
 def read_metrics(path: Path) -> list[dict[str, Any]]:
-    """Return the lines of a metrics file; one cut short by a crash is left out.
+    """Return the lines of a metrics file; one truncated by a crash is left out.
 
     Raises:
         DataError: the file cannot be read, or is damaged elsewhere.
     """
-    # What follows the last newline was being written.
+    # Whatever follows the last newline is incomplete.
     complete = read_bytes(path, _METRICS_BYTES).split(b'\n')[:-1] if path.exists() else []
     lines = []
     for number, text in enumerate(complete, start=1):

@@ -64,7 +64,7 @@ class WorldEnv(gymnasium.Env):
 
 
 class WorldVectorEnv(VectorEnv):
-    """A batch of robots of a world, each of which starts anew in the step that ends its episode.
+    """A batch of robots of a world with same-step autoreset.
 
     Where an episode has ended, the observation is the first of the next one. The last one is then
     in ``info['final_obs']`` and what belongs to it in ``info['final_info']``, as gymnasium's own
@@ -131,7 +131,7 @@ class WorldVectorEnv(VectorEnv):
     def _masked(
         self, info: dict[str, np.ndarray], mask: np.ndarray | None = None
     ) -> dict[str, np.ndarray]:
-        """Return what the world tells of the robots in ``mask``, each entry beside that mask."""
+        """Return the info of the robots in ``mask``, each entry with its mask."""
         mask = np.ones(self.num_envs, dtype=bool) if mask is None else mask
         found = {}
         for name, value in _named(info).items():
@@ -166,7 +166,7 @@ def _box(columns: tuple[Column, ...]) -> spaces.Box:
 
 
 def _named(info: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return the world's information under the names that agents of gymnasium look for."""
+    """Return the info under the names that gymnasium agents expect."""
     return {('cost' if name == 'true_cost' else name): value for name, value in info.items()}
 
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""What every batch of robots needs: a random generator per robot, and checked actions."""
+"""Utilities of batches of robots: a random generator per robot, checks of actions and masks."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""A point on the unit square that must go round a forbidden corner: the paper's 2-D example."""
+"""A point in the unit square that must avoid a forbidden corner: the 2-D example of the paper."""
 
 from __future__ import annotations
 

@@ -31,7 +31,6 @@ from occ_constraints_pkg.learning.samples import (
     Samples,
     divide_samples,
     families,
-    is_usable,
 )
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.learning.simplification import Simplification, extract_and_simplify
@@ -182,7 +181,7 @@ def _calibrated(
     rule_set = formula.rule_set
     space, demonstrated = rule_set.space, rule_set.demonstrated
     rows, episodes = space.check_rows(safe_episodes[0]), np.asarray(safe_episodes[1])
-    usable = is_usable(rows, space)
+    usable = space.knows(rows)
     safe_set = SafeSet(tree, demonstrated, rule_set.scale, space_limits(space))
     moved, calibration = calibrate(safe_set, rows[usable], episodes[usable], false_alarm)
     if calibration.margin:

@@ -118,7 +118,7 @@ def divide_samples(
     rows = space.check_rows(values)
     if not len(rows):
         raise DataError('there are no samples to learn from; allowed are one or more')
-    usable = is_usable(rows, space)
+    usable = space.knows(rows)
     if not usable.any():
         raise DataError(
             f'none of the {len(rows)} samples is usable: each has a value that is missing, not '
@@ -141,15 +141,6 @@ def divide_samples(
         len(chosen),
         usable,
         held_out,
-    )
-
-
-def is_usable(rows: np.ndarray, space: FeatureSpace) -> np.ndarray:
-    """Return (n,) bool, whether (n, k) rows are finite and within physical bounds."""
-    return (
-        np.isfinite(rows).all(axis=1)
-        & (rows >= space.lows).all(axis=1)
-        & (rows <= space.highs).all(axis=1)
     )
 
 

@@ -172,7 +172,7 @@ class RuleSet:
         if len(rows) == 1:
             return self._judge_one(rows)
         if len(rows) * self._size <= _FEW_LITERALS:
-            known = self._known(rows)
+            known = self.space.knows(rows)
             margin = (
                 self.table.margins(rows).min(axis=0)
                 if len(self.order)
@@ -210,7 +210,7 @@ class RuleSet:
         failed = np.flatnonzero(~self._columns.passed(rows))
         for start in range(0, len(failed), _BLOCK):
             block = failed[start : start + _BLOCK]
-            known = self._known(rows[block])
+            known = self.space.knows(rows[block])
             verdict[block] = np.where(known, Verdict.VIOLATED, Verdict.UNKNOWN)
         return verdict
 
@@ -236,11 +236,6 @@ class RuleSet:
             if verdict is Verdict.VIOLATED:
                 rule = self.order[self.table.truth(rows)[:, 0].argmax()]
         return Judgement(np.array([verdict], np.int8), np.array([rule]), np.array([margin]))
-
-    def _known(self, rows: np.ndarray) -> np.ndarray:
-        """(n,) bool: whether all features are finite and within their physical bounds."""
-        lows, highs = self.space.finite_bounds
-        return ((rows >= lows) & (rows <= highs)).all(axis=1)
 
     def rule_margins(self, sample: np.ndarray) -> np.ndarray:
         """Return each rule's own margin on one sample.

@@ -113,6 +113,11 @@ class FeatureSpace:
                 f'no feature {name!r}; there are {", ".join(self.names)}'
             ) from None
 
+    def knows(self, rows: np.ndarray) -> np.ndarray:
+        """Return (n,) bool, whether (n, k) rows are finite and within the physical bounds."""
+        lows, highs = self.finite_bounds
+        return ((rows >= lows) & (rows <= highs)).all(axis=1)
+
     def check_rows(self, values: np.ndarray) -> np.ndarray:
         """Return ``values`` as (n, k) float64.
 

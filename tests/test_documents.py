@@ -127,3 +127,11 @@ def test_json_that_is_no_object_is_refused(tmp_path, monkeypatch, text, sentence
     with pytest.raises(OccError) as error:
         read_json_object('FILE')
     assert str(error.value).startswith(sentence)
+
+
+def test_a_file_that_is_no_text_is_refused_once(tmp_path):
+    file = tmp_path / 'latin'
+    file.write_bytes(b'\xff{}')
+    with pytest.raises(OccError) as error:
+        read_json_object(file)
+    assert str(error.value) == f'cannot read {file}: it is not UTF-8 text'

@@ -18,7 +18,7 @@ from occ_constraints_pkg.agents.settings import PPOLagrangianConfig
 torch = pytest.importorskip('torch')
 
 from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian  # noqa: E402
-from occ_constraints_pkg.errors import OccError  # noqa: E402
+from occ_constraints_pkg.errors import ConfigurationError, OccError  # noqa: E402
 from occ_constraints_pkg.worlds.stream import EpisodeStream  # noqa: E402
 
 SMALL = PPOLagrangianConfig(rollout_steps=16, minibatch=64, hidden=(8, 8), passes=2, cost_limit=2.0)
@@ -288,6 +288,12 @@ def test_other_files_are_refused(tmp_path):
         torch.save(state | {'learner': state['learner'] | change}, tmp_path / 'damaged')
         with pytest.raises(OccError, match='damaged'):
             PPOLagrangian.load(tmp_path / 'damaged')
+
+
+def test_a_setting_that_is_refused_on_resumption_does_not_blame_the_checkpoint(tmp_path):
+    make_learner().save(tmp_path / 'good')
+    with pytest.raises(ConfigurationError, match='^learner setting window is 0; allowed'):
+        PPOLagrangian.load(tmp_path / 'good', window=0)
 
 
 @pytest.mark.parametrize(

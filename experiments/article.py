@@ -27,7 +27,7 @@ from typing import Any
 
 import numpy as np
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.learning.octree import fit_tree, oversteps
+from occ_constraints_pkg.learning.octree import exceeds_nu, fit_tree
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.learning.tree import Node
 from sklearn.ensemble import IsolationForest
@@ -157,7 +157,7 @@ def at_most_outside(tree: Node, total: int, nu: float) -> Node:
         leaves += sum(samples for samples, node in level if not node.branches)
         level = [(branch.samples, branch.node) for _, node in level for branch in node.branches]
         covered = leaves + sum(samples for samples, _ in level)
-        if oversteps(covered, total, nu):
+        if exceeds_nu(covered, total, nu):
             break
         depth += 1
     return _first_levels(tree, depth)

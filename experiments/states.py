@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import numpy as np
-from occ_constraints_pkg.agents.scripted import Driver
+from occ_constraints_pkg.agents.drivers import Driver
 from occ_constraints_pkg.features.feature_map import FeatureMap
 from occ_constraints_pkg.worlds.base import World
 from occ_constraints_pkg.worlds.registry import make_world

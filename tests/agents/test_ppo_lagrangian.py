@@ -4,17 +4,21 @@
 
 import copy
 import dataclasses
+import math
 import os
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from line_world import LineWorld
+from occ_constraints_pkg.agents.ppo_lagrangian import Multiplier
+from occ_constraints_pkg.agents.settings import PPOLagrangianConfig
 
 torch = pytest.importorskip('torch')
 
 from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian  # noqa: E402
-from occ_constraints_pkg.agents.settings import PPOLagrangianConfig  # noqa: E402
-from occ_constraints_pkg.errors import OccError  # noqa: E402
+from occ_constraints_pkg.errors import ConfigurationError, OccError  # noqa: E402
 from occ_constraints_pkg.worlds.stream import EpisodeStream  # noqa: E402
 
 SMALL = PPOLagrangianConfig(rollout_steps=16, minibatch=64, hidden=(8, 8), passes=2, cost_limit=2.0)
@@ -286,6 +290,12 @@ def test_other_files_are_refused(tmp_path):
             PPOLagrangian.load(tmp_path / 'damaged')
 
 
+def test_a_setting_that_is_refused_on_resumption_does_not_blame_the_checkpoint(tmp_path):
+    make_learner().save(tmp_path / 'good')
+    with pytest.raises(ConfigurationError, match='^learner setting window is 0; allowed'):
+        PPOLagrangian.load(tmp_path / 'good', window=0)
+
+
 @pytest.mark.parametrize(
     'setting',
     [
@@ -327,3 +337,61 @@ def test_a_gpu_learns_the_same():
         _, curve = run(learner, stream, stream.reset(), 60)
         curves.append([[item.kl, item.value_loss, item.policy_loss] for item in curve])
     np.testing.assert_allclose(*curves, rtol=1e-2, atol=1e-4)
+
+
+def _multiplier(limit=25.0, start=1.0):
+    return Multiplier(
+        PPOLagrangianConfig(
+            cost_limit=limit,
+            multiplier_init=start,
+            multiplier_rate=0.05,
+            multiplier_gain=0.5,
+            multiplier_band=0.2,
+        )
+    )
+
+
+def test_the_multiplier_follows_a_known_course():
+    multiplier = _multiplier()
+    # One unit is a fifth of the limit: 5.
+    for cost, integral, value in [
+        (27.5, 1.025, 1.275),
+        (125.0, 1.075, 1.575),
+        (25.0, 1.075, 1.075),
+        (24.0, 1.065, 0.965),
+        (0.0, 1.015, 0.515),
+    ]:
+        multiplier.update(cost)
+        assert multiplier.integral == pytest.approx(integral)
+        assert multiplier.value == pytest.approx(value)
+
+
+def test_the_multiplier_stays_before_the_first_episode():
+    multiplier = _multiplier()
+    multiplier.update(math.nan)
+    assert (multiplier.integral, multiplier.value) == (1.0, 1.0)
+
+
+@given(
+    st.floats(0, 1e3),
+    st.lists(st.floats(0, 1e6), min_size=1, max_size=50),
+)
+def test_the_multiplier_is_never_negative_and_moves_by_bounded_steps(limit, costs):
+    multiplier = _multiplier(limit)
+    for cost in costs:
+        before = multiplier.integral
+        multiplier.update(cost)
+        assert multiplier.value >= 0.0
+        assert 0.0 <= multiplier.integral <= before + 0.05 + 1e-12
+        assert abs(multiplier.value - multiplier.integral) <= 0.5 + 1e-9
+
+
+def test_the_multiplier_settles_where_the_cost_meets_its_limit():
+    """A cost that falls as the multiplier rises, with some delay."""
+    multiplier, cost, costs = _multiplier(start=0.001), 60.0, []
+    for _ in range(600):
+        cost += 0.1 * (60.0 - 12.0 * multiplier.value - cost)
+        multiplier.update(cost)
+        costs.append(cost)
+    np.testing.assert_allclose(costs[-100:], 25.0, atol=0.1)
+    assert min(costs) > 20.0

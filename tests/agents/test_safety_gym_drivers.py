@@ -2,16 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
 import pytest
+from occ_constraints_pkg.agents.drivers import DRIVERS
 from occ_constraints_pkg.agents.evaluation import evaluate
 from occ_constraints_pkg.agents.safety_gym_drivers import Senses
-from occ_constraints_pkg.agents.scripted import make_driver
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.worlds.lidar import lidar_readings
 from occ_constraints_pkg.worlds.registry import make_world, world_class
 
 
 def _driver(world, name):
-    return make_driver(world, name, np.random.default_rng(0))
+    return DRIVERS[world][name](np.random.default_rng(0))
 
 
 def _seeing(width, first, bearing, distance=1.5):

@@ -113,7 +113,7 @@ MISTAKES = {
     'prune rules.yaml': 'no enabled rule has been evaluated',
     'prune rules.yaml -t 2': 'threshold is 2.0',
     'prune rules.yaml --counts nowhere.json': 'nowhere.json',
-    'prune rules.yaml --counts typo.yaml': 'no file of rule counters',
+    'prune rules.yaml --counts typo.yaml': 'not a file of rule counters',
     'prune typo.yaml': 'operater: unknown key',
     'evaluate nowhere.npz': 'nowhere.npz',
     'evaluate rules.yaml': 'rules.yaml',

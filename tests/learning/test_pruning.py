@@ -28,7 +28,7 @@ def counted(*counts, **changes):
 def test_rules_rarely_violated_are_disabled_and_say_why():
     result = prune(counted((1000, 0), (1000, 9), (1000, 10), (1000, 500), (0, 0)), 0.01)
     assert result.pruned == ('R0', 'R1')
-    assert result.untried == ('R4',)
+    assert result.not_evaluated == ('R4',)
     assert [rule.enabled for rule in result.rule_set.rules] == [False, False, True, True, True]
     assert result.rule_set.rules[1].note == 'pruned: violated 9 of 1000 times, below 0.01'
     assert result.rule_set.rules[2].note == ''

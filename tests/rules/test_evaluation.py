@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.learning.extraction import extract_rules
 from occ_constraints_pkg.rules import Feature, FeatureSpace, Literal, Rule, RuleSet, Verdict
-from occ_constraints_pkg.rules import columns as columns_module
+from occ_constraints_pkg.rules import evaluation as evaluation_module
 from occ_constraints_pkg.rules import ruleset as ruleset_module
-from occ_constraints_pkg.rules.formula import factor
+from occ_constraints_pkg.rules.evaluation import factor
 from strategies import FINITE, probes, rule_sets, trees
 
 HOLDS = {'<': operator.lt, '<=': operator.le, '>': operator.gt, '>=': operator.ge}
@@ -102,8 +102,8 @@ def test_large_rule_sets_and_small_blocks_agree_too(rule_set, seed):
         # Column by column even for few samples, and several blocks with a rest.
         patch.setattr(ruleset_module, '_FEW_LITERALS', 0)
         patch.setattr(ruleset_module, '_BLOCK', 7)
-        patch.setattr(columns_module, '_BLOCK', 0)
-        patch.setattr(columns_module, '_FEWEST_ROWS', 11)
+        patch.setattr(evaluation_module, '_BLOCK', 0)
+        patch.setattr(evaluation_module, '_FEWEST_ROWS', 11)
         assert_all_ways_agree(rule_set, points(rule_set, seed))
 
 

@@ -17,7 +17,7 @@ from occ_constraints_pkg.rules import (
     RuleCounts,
     RuleSet,
     Verdict,
-    columns,
+    evaluation,
 )
 from strategies import FINITE, probes, rule_sets
 
@@ -168,7 +168,7 @@ def test_minus_zero_equals_zero():
 
 @pytest.mark.parametrize('rows', [0, 1, 40, 41, 999, 1000, 1001, 5000])
 def test_blocks_of_rows_join_without_a_seam(monkeypatch, rows):
-    monkeypatch.setattr(columns, '_BLOCK', 2000)
+    monkeypatch.setattr(evaluation, '_BLOCK', 2000)
     rng = np.random.default_rng(rows)
     rule_set = one_rule(Literal(0, '>', 0.9), Literal(1, '<=', 0.5), features=2)
     values = rng.random((rows, 2))

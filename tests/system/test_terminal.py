@@ -156,7 +156,7 @@ def test_damaged_counters_stop_no_monitor_and_are_kept_beside(
     counts = tmp_path / 'counts.json'
     counts.write_text('{"format": "occ_con')
     monitor = nodes.start('monitor', constraints_file=speed_rules, counts_file=counts)
-    hears(monitor, 'no file of rule counters', 'UNKNOWN: nobody publishes odom')
+    hears(monitor, 'not a file of rule counters', 'UNKNOWN: nobody publishes odom')
     observer.spin_until(lambda: (tmp_path / 'counts.json.damaged').exists(), 10.0)
     observer.spin_until(counts.exists, 10.0)
     assert (tmp_path / 'counts.json.damaged').read_text() == '{"format": "occ_con'

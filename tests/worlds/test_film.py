@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
 import pytest
-from occ_constraints_pkg.agents.scripted import make_driver
+from occ_constraints_pkg.agents.drivers import DRIVERS
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.worlds.registry import make_world
 
@@ -15,7 +15,7 @@ from PIL import Image  # noqa: E402
 
 def _draw(path, name, steps):
     world = make_world(name, 1)
-    driver = make_driver(name, 'random', np.random.default_rng(0))
+    driver = DRIVERS[name]['random'](np.random.default_rng(0))
     numbers = draw_episode(path, world, driver, steps=steps, seed=0)
     world.close()
     return numbers

@@ -15,7 +15,7 @@ from occ_constraints_pkg.worlds import gymnasium_envs  # noqa: E402
 
 
 def _name(world):
-    return f'{gymnasium_envs.NAMESPACE}/{world}-v0'
+    return f'occ_constraints/{world}-v0'
 
 
 @pytest.mark.parametrize('world', WORLDS)

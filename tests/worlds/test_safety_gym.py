@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
 import pytest
-from occ_constraints_pkg.agents.scripted import make_driver
+from occ_constraints_pkg.agents.drivers import DRIVERS
 from occ_constraints_pkg.worlds.registry import make_world
 from occ_constraints_pkg.worlds.stream import EpisodeStream
 
@@ -126,7 +126,7 @@ def test_the_cost_is_what_the_hazard_lidar_says(name, radius, tolerance):
 def test_goal_rewards_add_up_to_goals_reached_and_way_gained():
     world = PointGoal1(16)
     observation, _ = world.reset(seed=2)
-    driver = make_driver('PointGoal1', 'straightv', np.random.default_rng(0))
+    driver = DRIVERS['PointGoal1']['straightv'](np.random.default_rng(0))
     goals = 0
     for _ in range(250):
         before, goal = world._position.copy(), world._goal.copy()

@@ -6,19 +6,19 @@ import threading
 import time
 
 import pytest
-from occ_constraints_pkg.worlds.wake_up_channel import Line
+from occ_constraints_pkg.worlds.wake_up_channel import WakeUpChannel
 
 
 @pytest.fixture
-def line():
-    ends = Line.pair()
+def channel():
+    ends = WakeUpChannel.pair()
     yield ends
     for end in ends:
         end.close()
 
 
-def test_messages_arrive_whole_and_in_order_both_ways(line):
-    for one, other in (line, line[::-1]):
+def test_messages_arrive_whole_and_in_order_both_ways(channel):
+    for one, other in (channel, channel[::-1]):
         for number in range(50):
             one.send(b'x' * (number % 8 + 1))
         assert [len(other.receive(8)) for _ in range(50)] == [n % 8 + 1 for n in range(50)]
@@ -26,8 +26,8 @@ def test_messages_arrive_whole_and_in_order_both_ways(line):
 
 # Shorter than the receiver's patience, and longer.
 @pytest.mark.parametrize('pause', [0.0, 0.05])
-def test_a_receiver_waits_awake_or_asleep(line, pause):
-    one, other = line
+def test_a_receiver_waits_awake_or_asleep(channel, pause):
+    one, other = channel
     answers = []
 
     def answer():
@@ -48,8 +48,8 @@ def test_a_receiver_waits_awake_or_asleep(line, pause):
     assert not thread.is_alive()
 
 
-def test_a_closed_end_is_told_to_the_other(line):
-    one, other = line
+def test_a_closed_end_is_told_to_the_other(channel):
+    one, other = channel
     one.send(b'last')
     one.close()
     assert other.receive(8) == b'last'
@@ -61,7 +61,7 @@ def test_a_closed_end_is_told_to_the_other(line):
 def test_closing_leaves_no_descriptor_open():
     gc.collect()
     before = len(os.listdir('/proc/self/fd'))
-    one, other = Line.pair()
+    one, other = WakeUpChannel.pair()
     assert len(os.listdir('/proc/self/fd')) == before + 6
     for end in (one, other, one):
         end.close()

@@ -12,21 +12,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from occ_constraints_pkg.worlds.worker_pool import Crew, HelperError
+from occ_constraints_pkg.worlds.worker_pool import SharedArrays, WorkerError, WorkerPool
 
 
 class Marked:
     """A world that marks in each step which process has stepped a robot, and how often."""
 
     def __init__(self, num_envs, *, processes=1, arrays=None):
-        self.crew = Crew(type(self), num_envs, processes)
-        arrays = self.crew.arrays if arrays is None else arrays
+        self.pool = WorkerPool(type(self), num_envs, processes)
+        arrays = self.pool.arrays if arrays is None else arrays
         zeros = np.zeros if arrays is None else arrays.zeros
         self.costs = zeros(num_envs)
         self.process, self.times = (zeros(num_envs, np.int64) for _ in range(2))
 
     def step(self):
-        self.crew.share(self.costs, self.advance)
+        self.pool.share(self.costs, self.advance)
 
     def advance(self, rows):
         self.process[rows] = os.getpid()
@@ -35,7 +35,7 @@ class Marked:
 
 
 class Slow(Marked):
-    """Its helpers take a while."""
+    """Its workers take a while."""
 
     def advance(self, rows):
         if rows.start > 0:
@@ -44,7 +44,7 @@ class Slow(Marked):
 
 
 class Broken(Marked):
-    """Its helpers give up."""
+    """Its workers give up."""
 
     def advance(self, rows):
         if rows.start > 0:
@@ -62,50 +62,50 @@ def test_every_robot_is_stepped_once_and_by_all_processes(robots, processes):
         assert len(set(world.process)) == runs == min(robots, processes)
     if robots >= processes:
         assert world.process[0] == os.getpid()
-    world.crew.close()
+    world.pool.close()
 
 
 def test_rows_end_where_the_costs_of_all_are_about_equal():
-    crew = Crew(Marked, 40, 1)
-    crew.size, crew._parts, crew._times = 3, [1 / 3] * 3, [1.0] * 3
-    crew._plan(np.where(np.arange(40) < 10, 9.0, 1.0))
+    pool = WorkerPool(Marked, 40, 1)
+    pool.size, pool._parts, pool._times = 3, [1 / 3] * 3, [1.0] * 3
+    pool._plan(np.where(np.arange(40) < 10, 9.0, 1.0))
     # 10 x 9 + 30 x 1 = 120; 40 for each are 4.4 of the first robots, 4.4 more, and the rest.
-    assert crew._bounds == [4, 9, 40]
+    assert pool._bounds == [4, 9, 40]
 
 
 def test_who_takes_longer_gets_fewer_robots():
-    crew = Crew(Marked, 40, 1)
-    crew.size, crew._parts = 2, [0.5, 0.5]
+    pool = WorkerPool(Marked, 40, 1)
+    pool.size, pool._parts = 2, [0.5, 0.5]
     bounds = []
     for _ in range(40):
         # The second process is half as fast.
-        crew._times = [crew._parts[0], 2 * crew._parts[1]]
-        crew._plan(np.ones(40))
-        bounds.append(crew._bounds[0])
+        pool._times = [pool._parts[0], 2 * pool._parts[1]]
+        pool._plan(np.ones(40))
+        bounds.append(pool._bounds[0])
     assert bounds == sorted(bounds)
     assert bounds[0] <= 21
     assert bounds[-1] in (26, 27)
 
 
-def test_a_helper_that_gives_up_is_told_and_replaced(capfd):
+def test_a_worker_that_gives_up_is_told_and_replaced(capfd):
     world = Broken(4, processes=2)
     for _ in range(2):
-        with pytest.raises(HelperError, match=r'a process that steps robots .* ended with code 7'):
+        with pytest.raises(WorkerError, match=r'a process that steps robots .* ended with code 7'):
             world.step()
-    world.crew.close()
+    world.pool.close()
 
 
-def test_a_helper_that_is_killed_is_told_and_replaced():
+def test_a_worker_that_is_killed_is_told_and_replaced():
     world = Marked(4, processes=2)
     world.step()
-    helper = int(world.process[-1])
-    os.kill(helper, signal.SIGKILL)
-    assert _ends(helper)
-    with pytest.raises(HelperError, match='ended with code -9'):
+    worker = int(world.process[-1])
+    os.kill(worker, signal.SIGKILL)
+    assert _ends(worker)
+    with pytest.raises(WorkerError, match='ended with code -9'):
         world.step()
     world.step()
-    assert world.process[-1] not in (helper, os.getpid())
-    world.crew.close()
+    assert world.process[-1] not in (worker, os.getpid())
+    world.pool.close()
 
 
 def test_nobody_works_on_the_robots_after_an_interruption():
@@ -115,51 +115,51 @@ def test_nobody_works_on_the_robots_after_an_interruption():
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        world.crew.share(world.costs, interrupted)
+        world.pool.share(world.costs, interrupted)
     world.times[:] = 5
     time.sleep(1.5)
     assert (world.times == 5).all()
     world.step()
     assert (world.times == 6).all()
-    world.crew.close()
+    world.pool.close()
 
 
-def test_a_helper_that_stands_still_does_not_keep_the_crew():
+def test_a_worker_that_stands_still_does_not_keep_the_pool():
     world = Marked(4, processes=2)
     world.step()
-    helper = int(world.process[-1])
-    os.kill(helper, signal.SIGSTOP)
-    world.crew.close()
-    assert _ends(helper)
+    worker = int(world.process[-1])
+    os.kill(worker, signal.SIGSTOP)
+    world.pool.close()
+    assert _ends(worker)
 
 
-def test_a_copy_of_the_process_may_not_use_the_crew_nor_keep_it():
+def test_a_copy_of_the_process_may_not_use_the_pool_nor_keep_it():
     world = Marked(4, processes=2)
     world.step()
-    helper = int(world.process[-1])
+    worker = int(world.process[-1])
     told, tell = os.pipe()
     child = os.fork()
     if child == 0:
         try:
             world.step()
-        except HelperError as error:
+        except WorkerError as error:
             os.write(tell, str(error).encode())
         time.sleep(60)
     assert b'used in a copy of the process' in os.read(told, 1000)
     world.step()
     assert (world.times == 2).all()
-    world.crew.close()
-    assert _ends(helper)
+    world.pool.close()
+    assert _ends(worker)
     os.kill(child, signal.SIGKILL)
     os.waitpid(child, 0)
     os.close(told)
     os.close(tell)
 
 
-def test_a_closed_crew_cannot_be_used():
+def test_a_closed_pool_cannot_be_used():
     world = Marked(4, processes=2)
-    world.crew.close()
-    with pytest.raises(HelperError, match='after it was closed'):
+    world.pool.close()
+    with pytest.raises(WorkerError, match='after it was closed'):
         world.step()
 
 
@@ -167,19 +167,19 @@ def test_a_class_that_others_cannot_import_is_refused():
     class Local(Marked):
         pass
 
-    assert Local(4).crew.size == 1
-    with pytest.raises(HelperError, match=r'Local of .* was asked for 2 processes; .* by 1'):
+    assert Local(4).pool.size == 1
+    with pytest.raises(WorkerError, match=r'Local of .* was asked for 2 processes; .* by 1'):
         Local(4, processes=2)
 
 
-def test_helpers_that_cannot_be_started_are_told(monkeypatch):
+def test_workers_that_cannot_be_started_are_told(monkeypatch):
     before = _descriptors()
 
     def refuse(*_, **__):
         raise OSError(errno.EAGAIN, 'too many')
 
     monkeypatch.setattr(subprocess, 'Popen', refuse)
-    with pytest.raises(HelperError, match='3 processes, which cannot be started: too many'):
+    with pytest.raises(WorkerError, match='3 processes, which cannot be started: too many'):
         Marked(4, processes=3)
     gc.collect()
     assert _descriptors() == before
@@ -189,27 +189,27 @@ def test_a_world_of_one_process_opens_nothing():
     before = _descriptors()
     worlds = [Marked(4) for _ in range(50)]
     assert _descriptors() == before
-    assert {world.crew.size for world in worlds} == {1}
+    assert {world.pool.size for world in worlds} == {1}
 
 
 @pytest.mark.parametrize('given_up', [False, True])
-def test_helpers_end_with_the_crew(given_up):
+def test_workers_end_with_the_pool(given_up):
     world = Marked(4, processes=2)
     world.step()
-    helper = int(world.process[-1])
-    assert _runs(helper)
+    worker = int(world.process[-1])
+    assert _runs(worker)
     if given_up:
         del world
         gc.collect()
     else:
-        world.crew.close()
-        world.crew.close()
-    assert _ends(helper)
+        world.pool.close()
+        world.pool.close()
+    assert _ends(worker)
 
 
 PROGRAM = """
 import os, signal, sys, time
-from test_crew import Marked
+from test_worker_pool import Marked
 # Whatever started the tests may have it ignored, as shells do for what runs in the background.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 world = Marked(4, processes=2)
@@ -223,41 +223,41 @@ time.sleep(60)
 
 # SIGINT as a terminal sends it: to the whole group of the program in the foreground.
 @pytest.mark.parametrize('way', ['SIGKILL', 'SIGINT', 'SIGKILL and a fork lives on'])
-def test_helpers_end_when_the_program_does(way):
+def test_workers_end_when_the_program_does(way):
     running = _start(PROGRAM, *(['fork'] if 'fork' in way else []))
-    helper, program = map(int, running.stdout.readline().split())
-    assert _runs(helper)
+    worker, program = map(int, running.stdout.readline().split())
+    assert _runs(worker)
     if way == 'SIGINT':
         os.killpg(running.pid, signal.SIGINT)
     else:
         os.kill(program, signal.SIGKILL)
     running.wait(timeout=30)
-    assert _ends(helper)
+    assert _ends(worker)
     running.stdout.close()
     with suppress(ProcessLookupError):
         os.killpg(running.pid, signal.SIGKILL)
 
 
-def test_helpers_leave_the_end_to_the_program():
+def test_workers_leave_the_end_to_the_program():
     running = _start(PROGRAM)
-    helper = int(running.stdout.readline().split()[0])
+    worker = int(running.stdout.readline().split()[0])
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        os.kill(helper, number)
+        os.kill(worker, number)
     time.sleep(0.5)
-    assert _runs(helper)
+    assert _runs(worker)
     os.killpg(running.pid, signal.SIGKILL)
     running.communicate()
-    assert _ends(helper)
+    assert _ends(worker)
 
 
 def test_standard_streams_may_be_closed():
     program = f'{sys.executable} -c "$PROGRAM" <&- 2>&-'
     running = _start(PROGRAM, shell=program)
-    helper = int(running.stdout.readline().split()[0])
-    assert _runs(helper)
+    worker = int(running.stdout.readline().split()[0])
+    assert _runs(worker)
     os.killpg(running.pid, signal.SIGKILL)
     running.communicate()
-    assert _ends(helper)
+    assert _ends(worker)
 
 
 def _start(program, *arguments, shell=None):
@@ -290,3 +290,44 @@ def _runs(process):
     except FileNotFoundError:
         return False
     return state[0] != 'Z'
+
+
+SHAPES = [((3, 2), np.float64), (5000, np.int64), ((4, 0, 2), np.float64), (7, bool)]
+
+
+def test_who_asks_in_the_same_order_gets_the_same_arrays():
+    mine = SharedArrays(100_000)
+    theirs = SharedArrays(100_000, os.dup(mine.descriptor))
+    first = [mine.zeros(shape, dtype) for shape, dtype in SHAPES]
+    second = [theirs.zeros(shape, dtype) for shape, dtype in SHAPES]
+    mine.close()
+    theirs.close()
+    for number, (a, b) in enumerate(zip(first, second, strict=True)):
+        assert a.shape == b.shape
+        assert a.dtype == b.dtype
+        assert not a.any()
+        a[...] = number + 1
+        np.testing.assert_array_equal(b, a)
+        b[...] = 0
+        assert not a.any()
+    assert first[1].nbytes == 40_000
+    assert [array.size for array in first] == [6, 5000, 0, 7]
+
+
+def test_arrays_do_not_overlap():
+    arrays = SharedArrays(50_000)
+    made = [arrays.zeros(shape) for shape in (1, 511, 512, 513, 3)]
+    arrays.close()
+    arrays.close()
+    for number, array in enumerate(made):
+        array[:] = number
+    for number, array in enumerate(made):
+        assert (array == number).all()
+
+
+def test_room_is_limited():
+    arrays = SharedArrays(1000)
+    arrays.zeros(125)
+    with pytest.raises(TypeError):
+        arrays.zeros(1)
+    arrays.close()

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Archives of arrays, read in bounded memory, and only where every byte is as it was written."""
+"""Archives of arrays, read in bounded memory and with all checksums verified."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import zipfile
 import zlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import BinaryIO
+from typing import IO
 
 import numpy as np
 
@@ -59,7 +59,7 @@ def read_arrays(
         The arrays by name, in the order of the file.
 
     Raises:
-        OccError: the file cannot be read, is larger than allowed, damaged, or no such archive.
+        DataError: the file cannot be read, is larger than allowed, damaged, or no such archive.
     """
     with open_regular(path, what) as stream:
         try:
@@ -69,6 +69,8 @@ def read_arrays(
                 return _arrays(archive, is_wanted, allowed, path)
         except OSError as error:
             raise DataError(f'cannot read {path}: {error.strerror or error}') from error
+        except OccError:
+            raise
         except FAULTS as error:
             raise DataError(
                 f'{path} is {fault} ({describe(error)}); allowed is '
@@ -102,7 +104,7 @@ def read_member(archive: zipfile.ZipFile, item: zipfile.ZipInfo) -> bytes:
 
 
 def describe(error: BaseException) -> str:
-    """Return what a reader found, in a few words on one line."""
+    """Return the message of an exception, shortened, on one line."""
     text = ' '.join(str(error).split()) or type(error).__name__
     return text if len(text) <= 100 else f'{text[:97]}...'
 
@@ -118,7 +120,7 @@ def _arrays(
             continue
         if name in arrays:
             raise ValueError(f'{name!r} is there twice')
-        # An array may be of bytes, and is to become one of float64.
+        # An array of bytes may be converted to float64.
         taken += item.file_size
         if taken > allowed:
             raise _too_large(path, name, taken, allowed)
@@ -139,7 +141,7 @@ def _too_large(path: str | Path, name: str, size: int, allowed: int) -> OccError
     )
 
 
-def _header(stream: BinaryIO) -> tuple[np.dtype, int]:
+def _header(stream: IO[bytes]) -> tuple[np.dtype, int]:
     """Return the type of an array and how many elements it has, by its header."""
     version = np.lib.format.read_magic(stream)
     if version == (1, 0):
@@ -154,7 +156,7 @@ def _header(stream: BinaryIO) -> tuple[np.dtype, int]:
 
 
 def _array(content: bytes) -> np.ndarray:
-    """Return the array that a member holds; its size has to be the one that its header tells."""
+    """Return the array of a member, whose size must match its header."""
     stream = io.BytesIO(content)
     dtype, count = _header(stream)
     if count * dtype.itemsize != len(content) - stream.tell():

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""YAML documents that people edit: read safely, checked against a schema, written readably."""
+"""YAML documents that people edit: safe parsing, schema validation, readable output."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from ruamel.yaml.scanner import Scanner
 from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.files import DOCUMENT_BYTES, read_bytes
 
-# Three for each split of the deepest tree, and some more.
+# Three for each split of the deepest tree, plus some.
 _MOST_LEVELS = 350
 _SURROGATE = re.compile(r'[\ud800-\udfff]')
 
@@ -45,7 +45,7 @@ def read_text(path: str | Path, limit: int = DOCUMENT_BYTES) -> str:
     """Return the text of an ordinary UTF-8 file of at most ``limit`` bytes.
 
     Raises:
-        OccError: there is no such file, it is a device or a pipe, larger, or not text.
+        ConfigurationError: there is no such file, it is a device or a pipe, larger, or not text.
     """
     try:
         text = read_bytes(path, limit).decode('utf-8')
@@ -58,10 +58,11 @@ def read_json_object(path: str | Path) -> dict[str, Any]:
     """Return the JSON object that a file holds.
 
     Raises:
-        OccError: it cannot be read or holds something else.
+        ConfigurationError: it cannot be read or holds something else.
     """
+    text = read_text(path)
     try:
-        document = json.loads(read_text(path))
+        document = json.loads(text)
         if isinstance(document, dict):
             return document
         problem = f'it holds {_show(document)}'
@@ -72,25 +73,13 @@ def read_json_object(path: str | Path) -> dict[str, Any]:
     raise ConfigurationError(f'cannot read {path}: {problem}; allowed is a JSON object')
 
 
-def parse_document(text: str, schema: Mapping[str, Any], where: str) -> Any:
-    """Parse YAML text and check it against ``schema``; errors name ``where`` and the line.
-
-    Raises:
-        OccError: the text is not YAML or breaks the schema.
-    """
-    document = parse_yaml(text, where)
-    validate(document, schema, where, text=text)
-    return document
-
-
 def parse_yaml(text: str, where: str) -> Any:
     """Parse YAML 1.2 into plain Python values; tags that would build other objects are refused.
 
-    Aliases are refused too: a few lines of them can stand for more data than fits in memory, and
-    our documents have no use for them.
+    Aliases are refused too: a few lines of them can expand to more data than fits in memory.
 
     Raises:
-        OccError: the text is not such a document; the sentence names ``where`` and the line.
+        ConfigurationError: the text is not such a document; names ``where`` and the line.
     """
     try:
         return _yaml().load(text)
@@ -101,7 +90,7 @@ def parse_yaml(text: str, where: str) -> Any:
         line = '' if mark is None else f', line {mark.line + 1}'
         problem = ' '.join((error.problem or error.context or 'unreadable').split())
         raise ConfigurationError(f'{where}{line} is not valid YAML: {problem}') from error
-    # The constructors of the YAML library fail in several ways, as on a list for a key.
+    # Constructors of the YAML library raise various types, for example for a list as a key.
     except (YAMLError, ValueError, TypeError, AttributeError, LookupError, RecursionError) as error:
         problem = str(error).strip().partition('\n')[0] or type(error).__name__
         raise ConfigurationError(f'{where} is not valid YAML: {problem}') from error
@@ -119,8 +108,8 @@ def validate(
         text: the YAML text the document came from; with it the sentence names the line.
 
     Raises:
-        OccError: one sentence ``WHERE, line N: key.path: got X; allowed ...`` on the error that
-            matters most: an unknown key comes first, for its misspelling explains a missing one.
+        ConfigurationError: ``WHERE, line N: key.path: got X; allowed ...`` for the most relevant
+            error; an unknown key comes first, because its misspelling explains a missing one.
     """
     try:
         errors = list(Draft202012Validator(schema).iter_errors(document))
@@ -138,10 +127,10 @@ def validate(
         path.append(_unknown_keys(error)[0])
     line = None if text is None else _line(text, path)
     place = where if line is None else f'{where}, line {line}'
-    raise ConfigurationError(f'{place}: {key_path(path)}{sentence}')
+    raise ConfigurationError(f'{place}: {_key_path(path)}{sentence}')
 
 
-def key_path(path: Iterable[str | int]) -> str:
+def _key_path(path: Iterable[str | int]) -> str:
     """Render a path into a document as ``features[2].bounds: ``, and the top as nothing."""
     text = ''
     for step in path:
@@ -158,12 +147,12 @@ def did_you_mean(got: str, allowed: Iterable[str]) -> str:
 def dump_yaml(document: Any) -> str:
     """Write a document of plain values and NumPy numbers as readable YAML 1.2.
 
-    Floats come back bit for bit (shortest repr; ``.inf`` and ``.nan`` as YAML spells them), keys
-    keep their order, the innermost lists and mappings stand on one line, and there are no aliases.
+    Floats are exact (shortest repr; ``.inf`` and ``.nan`` in YAML's spelling), keys keep their
+    order, the innermost lists and mappings are on one line, and there are no aliases.
     """
     plain = _plain(document)
     text = _dump(plain, allow_unicode=True)
-    # Written raw, these count as line breaks to a YAML reader; escaped they come back.
+    # Unescaped, these are line breaks to a YAML reader.
     return _dump(plain, allow_unicode=False) if set(text) & set('\x85\u2028\u2029') else text
 
 
@@ -175,7 +164,7 @@ def _dump(plain: Any, *, allow_unicode: bool) -> str:
 
 
 class _RefusedError(Exception):
-    """Something that YAML allows and our documents have no use for."""
+    """A feature of YAML that is not allowed here."""
 
     def __init__(self, sentence: str, line: int) -> None:
         super().__init__(sentence)
@@ -197,7 +186,7 @@ class _Scanner(Scanner):
 
 
 class _Parser(Parser):
-    """Refuses what stands for more data than it looks, or cannot be told to anybody."""
+    """Refuses aliases, deep nesting and halves of surrogate pairs."""
 
     _levels = 0
 
@@ -225,7 +214,7 @@ class _Parser(Parser):
 
 
 class _Representer(SafeRepresenter):
-    """Quotes text that the dumper would leave bare where it means something else."""
+    """Quotes text that the dumper would leave unquoted although it has another meaning."""
 
     def represent_str(self, data: str) -> Any:
         style = "'" if data[:1] in ('?', ':') else None
@@ -241,13 +230,13 @@ def _yaml() -> YAML:
     yaml.Parser = _Parser
     yaml.Representer = _Representer
     yaml.default_flow_style = None
-    yaml.sort_base_mapping_type_on_output = False
+    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
     yaml.width = 100
     return yaml
 
 
 def _plain(value: Any) -> Any:
-    """Copy ``value`` into dicts, lists and Python scalars, all that the safe dumper knows."""
+    """Copy ``value`` into dicts, lists and Python scalars for the safe dumper."""
     if isinstance(value, Mapping):
         return {_plain(key): _plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray | np.generic):
@@ -258,7 +247,7 @@ def _plain(value: Any) -> Any:
 
 
 def _sentence(error: ValidationError) -> str:
-    """Say in words what one jsonschema error found and what it would take."""
+    """Describe one jsonschema error: what was found and what is allowed."""
     got, rule = error.instance, error.validator_value
     match error.validator:
         case 'additionalProperties':

@@ -1,14 +1,14 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Exceptions for mistakes that a user can mend, with types that a program can act on."""
+"""Exceptions for mistakes that a user can fix, with types that a program can act on."""
 
 from importlib import import_module
 from typing import Any
 
 from occ_constraints_pkg.terminal import printable
 
-# Top-level module -> the extra that brings it with pip. ROS packages have many more names, all
-# of which mean the extra 'ros'.
+# Top-level module -> the extra that installs it. ROS packages have many more names, all of which
+# belong to the extra 'ros'.
 _EXTRAS = {
     'torch': 'train',
     'mujoco': 'train',
@@ -23,11 +23,11 @@ _EXTRAS = {
 
 
 class OccError(Exception):
-    """A user's mistake or a faulty input, told in one sentence.
+    """A mistake of the user or a faulty input, described in one sentence.
 
-    The sentence says what is wrong, where (file, key, topic), what was found there and what is
-    allowed. The command line prints it without a traceback and exits with code 2. Control
-    characters of what was found are written out, so that it stays one line wherever it goes.
+    The sentence says what is wrong, where (file, key, topic), what was found and what is allowed.
+    The command line prints it without a traceback and exits with code 2. Control characters are
+    escaped, so that it stays on one line.
 
     Example:
         >>> try:
@@ -62,7 +62,7 @@ class DataError(OccError, ValueError):
 
 
 class InputError(OccError, ValueError):
-    """A message or a topic brought what cannot be used while a node runs.
+    """A message or a topic cannot be used by a running node.
 
     Example:
         >>> issubclass(occ.InputError, ValueError)
@@ -71,7 +71,7 @@ class InputError(OccError, ValueError):
 
 
 class MissingDependencyError(OccError, ImportError):
-    """A package is needed that is not installed; the sentence says how to install it.
+    """A required package is not installed; the sentence says how to install it.
 
     Example:
         >>> issubclass(occ.MissingDependencyError, ImportError)
@@ -94,7 +94,7 @@ def import_needed(what: str, module: str) -> Any:
         return import_module(module)
     except ModuleNotFoundError as error:
         if (told := missing_extra(what, error)) is None:
-            # The installation is damaged or the code wrong, which a user cannot mend.
+            # A damaged installation or a bug, which a user cannot fix.
             raise
         raise told from error
 

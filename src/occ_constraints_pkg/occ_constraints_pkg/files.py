@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Reading that ends, and writing that never costs a user what was there before."""
+"""Reading of bounded size, and writing that never loses an existing file."""
 
 from __future__ import annotations
 
@@ -19,34 +19,34 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError, DataError, OccError
 
 DOCUMENT_BYTES = 8 << 20
-"""No document that people edit is longer; reading so much YAML takes minutes already."""
+"""Limit of documents that people edit; parsing that much YAML takes minutes already."""
 
 
 @contextmanager
 def open_regular(path: str | Path, what: str = '') -> Iterator[BinaryIO]:
-    """Open an ordinary file for reading; a device or a pipe, which may never end, is refused.
+    """Open a regular file for reading; devices and pipes, which may never end, are refused.
 
     Args:
         path: the file.
-        what: what it is to be, before its name in messages.
+        what: description before its name in messages.
 
     Raises:
-        OccError: it cannot be opened, or is no ordinary file.
+        DataError: it cannot be opened, or is no ordinary file.
     """
     named = f'{what} {path}' if what else path
     try:
-        # A pipe that nobody writes to is opened at once, to be refused.
+        # Without O_NONBLOCK, opening a pipe waits for its writer.
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     except (OSError, ValueError) as error:
-        raise OccError(f'cannot read {named}: {_reason(error)}') from error
+        raise DataError(f'cannot read {named}: {_reason(error)}') from error
     mode = os.fstat(descriptor).st_mode
     if not stat.S_ISREG(mode):
         os.close(descriptor)
         is_what = 'directory' if stat.S_ISDIR(mode) else 'device, a pipe or a socket'
-        raise OccError(f'cannot read {named}: it is a {is_what}; allowed is an ordinary file')
+        raise DataError(f'cannot read {named}: it is a {is_what}; allowed is an ordinary file')
     with os.fdopen(descriptor, 'rb') as stream:
         yield stream
 
@@ -55,28 +55,28 @@ def read_bytes(path: str | Path, limit: int = DOCUMENT_BYTES, what: str = '') ->
     """Return the content of an ordinary file of at most ``limit`` bytes.
 
     Raises:
-        OccError: it cannot be read, is no ordinary file, or is larger.
+        DataError: it cannot be read, is no ordinary file, or is larger.
     """
     with open_regular(path, what) as stream:
         size = os.fstat(stream.fileno()).st_size
         if size > limit:
-            raise OccError(f'cannot read {path}: it has {size} bytes; allowed are {limit} at most')
+            raise DataError(f'cannot read {path}: it has {size} bytes; allowed are {limit} at most')
         try:
-            # What is appended meanwhile is not read.
+            # Without anything appended meanwhile.
             return stream.read(size)
         except OSError as error:
-            raise OccError(f'cannot read {path}: {_reason(error)}') from error
+            raise DataError(f'cannot read {path}: {_reason(error)}') from error
 
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of file that is written here, and how one is known again.
+    """A type of file that is written here, and how it is recognised.
 
     Attributes:
-        words: what it is called in messages.
+        words: its description in messages.
         pattern: found in the first bytes of every such file.
-        suffixes: how the name of a new one may end; none: as one likes.
-        head: how many of the first bytes are looked through.
+        suffixes: allowed suffixes of a new file; empty: any.
+        head: how many of the first bytes are searched.
     """
 
     words: str
@@ -108,43 +108,44 @@ def check_outputs(
     outputs: Mapping[str | Path, Kind] | Iterable[tuple[str | Path, Kind]],
     inputs: Iterable[str | Path] = (),
 ) -> None:
-    """Refuse files to write that would cost a user another one, before the work is done.
+    """Refuse outputs that would overwrite other files, before the work is done.
 
-    An output is never one of the inputs nor another output, under whatever name or link, and
-    never replaces a file of another kind than its own; an empty file is of any kind.
+    An output may not be an input or another output, under any name or link, and may not replace a
+    file of another type; empty files may be replaced.
 
     Args:
-        outputs: the files to write, and what each is to be.
-        inputs: files that the same command reads; directories and what is not there are passed
-            over.
+        outputs: the files to write, and their types.
+        inputs: files that the same command reads; directories and missing files are ignored.
 
     Raises:
-        OccError: one of these; the sentence names the file and says what is allowed.
+        ConfigurationError: one of these; the sentence names the file and says what is allowed.
     """
     pairs = list(outputs.items() if isinstance(outputs, Mapping) else outputs)
     taken = [(path, 'is read by the same command') for path in inputs]
     for path, kind in pairs:
         if kind.suffixes and Path(path).suffix.lower() not in kind.suffixes:
-            raise OccError(
+            raise ConfigurationError(
                 f'cannot write {path}: {kind.words} is to be written there; allowed is a name that '
                 f'ends in {" or ".join(kind.suffixes)}'
             )
         for other, what in taken:
             if _is_same(path, other):
                 name = '' if str(path) == str(other) else f' is the same file as {other}, which'
-                raise OccError(f'cannot write {path}: it{name} {what}; allowed is another file')
+                raise ConfigurationError(
+                    f'cannot write {path}: it{name} {what}; allowed is another file'
+                )
         check_kind(path, kind)
         taken.append((path, 'is to be written by the same command'))
 
 
 def check_kind(path: str | Path, kind: Kind) -> None:
-    """Refuse to write a file where there is one of another kind, a directory or a device.
+    """Refuse to replace a file of another type, a directory or a device.
 
     Raises:
-        OccError: there is.
+        ConfigurationError: there is.
     """
     target = Path(path)
-    check_is_file_or_nothing(target)
+    _check_is_file_or_nothing(target)
     try:
         if not target.exists():
             return
@@ -153,7 +154,7 @@ def check_kind(path: str | Path, kind: Kind) -> None:
     except OSError as error:
         raise OccError(f'cannot write {path}: {_reason(error)}') from error
     if head and not kind.pattern.search(head):
-        raise OccError(
+        raise ConfigurationError(
             f'cannot write {path}: there is a file that is not {kind.words}, which would be lost; '
             'allowed is a new file, or one of that kind'
         )
@@ -161,22 +162,21 @@ def check_kind(path: str | Path, kind: Kind) -> None:
 
 @contextmanager
 def replacing(path: str | Path, kind: Kind, *, durable: bool = True) -> Iterator[Path]:
-    """Yield the path of a draft that takes the place of ``path`` when the block ends well.
+    """Yield the path of a draft that replaces ``path`` atomically when the block succeeds.
 
-    Until then, and when the block fails, ``path`` stays as it was and no draft is left. Its
-    directory is made if it is not there. The draft ends as ``path`` does, is an empty file that
-    nobody else can have prepared, and is on the disk before it takes the place. A file that was
-    there hands on its permissions and, where that is allowed, owner and group; where ``path`` is a
-    link, the file it leads to is replaced.
+    If the block fails, ``path`` is unchanged and the draft removed. The directory is created if
+    missing. The draft is a new empty file with the suffix of ``path``, and is synced to disk before
+    it replaces it. It inherits permissions and, if possible, owner and group of an existing file;
+    if ``path`` is a link, its target is replaced.
 
     Args:
         path: the file to write.
-        kind: what it is to be; a file of another kind is not replaced.
-        durable: wait until it is on the disk; else a power cut may leave an empty file.
+        kind: its type; a file of another type is not replaced.
+        durable: sync to disk; otherwise a power cut may leave an empty file.
 
     Raises:
-        OccError: there is a file of another kind, or writing failed, for example because the disk
-            is full.
+        ConfigurationError: there is a file of another kind.
+        OccError: writing failed, for example because the disk is full.
     """
     check_kind(path, kind)
     draft, descriptor = None, -1
@@ -216,7 +216,7 @@ def write_text(path: str | Path, kind: Kind, text: str) -> None:
 
 
 def keep_copy(path: str | Path) -> Path:
-    """Copy a file to ``FILE.bak`` and return that; an earlier copy becomes ``FILE.bak.1`` ...
+    """Copy a file to ``FILE.bak`` and return that path; an earlier copy becomes ``FILE.bak.1`` ...
 
     Raises:
         OccError: that is not possible.
@@ -237,15 +237,15 @@ def keep_copy(path: str | Path) -> Path:
     return copy
 
 
-def check_is_file_or_nothing(path: Path) -> None:
-    """Refuse a path at which there is a directory, a device or a pipe.
+def _check_is_file_or_nothing(path: Path) -> None:
+    """Refuse the path of a directory, a device or a pipe.
 
     Raises:
-        OccError: there is.
+        ConfigurationError: there is.
     """
     try:
         if path.exists() and not path.is_file():
-            raise OccError(
+            raise ConfigurationError(
                 f'cannot write {path}: it is no ordinary file; allowed is a new or such a one'
             )
     except OSError as error:
@@ -253,7 +253,7 @@ def check_is_file_or_nothing(path: Path) -> None:
 
 
 def make_directory(path: str | Path) -> Path:
-    """Make a directory with its parents, if it is not there.
+    """Create a directory and its parents if missing.
 
     Raises:
         OccError: that is not possible.
@@ -266,13 +266,13 @@ def make_directory(path: str | Path) -> Path:
 
 
 class DirectoryLock:
-    """Keeps a directory for one writer, until this object or its process is gone."""
+    """Exclusive lock of a directory for the lifetime of this object or its process."""
 
     def __init__(self, directory: Path) -> None:
         """Lock a directory, which may be renamed afterwards.
 
         Raises:
-            OccError: somebody else has locked it.
+            ConfigurationError: somebody else has locked it.
         """
         try:
             descriptor = os.open(directory, os.O_RDONLY)
@@ -282,12 +282,12 @@ class DirectoryLock:
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise OccError(
+            raise ConfigurationError(
                 f'another program is writing to {directory}; allowed is another directory, or this '
                 'one when that has ended'
             ) from None
         except OSError:
-            # Some file systems of networks know no locks.
+            # Some network file systems have no locks.
             return
 
 
@@ -295,12 +295,13 @@ def set_aside(directory: Path) -> Path:
     """Rename a directory to the first free of ``NAME.1``, ``NAME.2`` ..., and return that.
 
     Raises:
-        OccError: it cannot be renamed, or the program works in it: what it writes by relative paths
-            would then go to the renamed directory.
+        ConfigurationError: it is the working directory: relative paths would then lead to the
+            renamed directory.
+        OccError: it cannot be renamed.
     """
     source = directory.resolve()
     if Path.cwd().is_relative_to(source):
-        raise OccError(
+        raise ConfigurationError(
             f'cannot rename {source}, in which this program was started, to make room; allowed is '
             'another directory, or a start from elsewhere'
         )
@@ -313,7 +314,7 @@ def set_aside(directory: Path) -> Path:
 
 
 def _draft_name(target: Path) -> str:
-    # Writers of films choose the format by the end of the name; no name may be over 255 bytes.
+    # Movie writers choose the format by the suffix; names are limited to 255 bytes.
     suffix = target.suffix if len(target.suffix) < 10 else ''
     return f'.{target.name[:40]}.{secrets.token_hex(8)}{suffix}'
 
@@ -327,19 +328,19 @@ def _take_after(descriptor: int, target: Path) -> None:
     new = os.fstat(descriptor)
     for owner, group in ((-1, old.st_gid), (old.st_uid, -1)):
         if (owner, group) not in ((-1, new.st_gid), (new.st_uid, -1)):
-            # Only an administrator, or a member of the group, may hand a file on.
+            # Only an administrator or a member of the group may change these.
             with suppress(PermissionError):
                 os.fchown(descriptor, owner, group)
     os.fchmod(descriptor, stat.S_IMODE(old.st_mode))
 
 
 def _sync_directory(directory: Path) -> None:
-    """Bring a renaming to the disk."""
+    """Sync a renaming to disk."""
     descriptor = os.open(directory, os.O_RDONLY | os.O_CLOEXEC)
     try:
         os.fsync(descriptor)
     except OSError as error:
-        # Some file systems of networks cannot.
+        # Some network file systems cannot.
         if error.errno not in (errno.EINVAL, errno.ENOTSUP):
             raise
     finally:
@@ -347,7 +348,7 @@ def _sync_directory(directory: Path) -> None:
 
 
 def _is_same(path: str | Path, other: str | Path) -> bool:
-    """Tell whether two names lead to one file, through whatever links, be it there or not."""
+    """Return whether two paths lead to the same file, existing or not, through any links."""
     try:
         if os.path.isdir(other):
             return False

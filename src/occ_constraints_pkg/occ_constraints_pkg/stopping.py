@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Ctrl-C, SIGTERM and a closed terminal as a request that a program answers when it is ready."""
+"""Ctrl-C, SIGTERM and a closed terminal as a request to stop at the next safe point."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from functools import cache
 
 PARENT_VARIABLE = 'OCC_PARENT_PID'
 """Environment variable with a process id: a node, or the training of one
-seed, ends when that is its parent no more."""
+seed, ends when that process is no longer its parent."""
 
 _SIGNALS = [signal.SIGINT, signal.SIGTERM]
 if hasattr(signal, 'SIGHUP'):
@@ -20,10 +20,10 @@ if hasattr(signal, 'SIGHUP'):
 
 
 class StopRequest:
-    """Remembers that the process was asked to end.
+    """Records that the process was asked to stop.
 
-    A signal sets only a mark, so that whatever is going on runs to its end and files are left
-    whole; long work that has nothing to lose is put into :meth:`interrupting`.
+    A signal only sets a flag, so that the current work is completed and files are consistent; long
+    work that can be aborted is put into :meth:`interrupting`.
 
     Attributes:
         made: whether the process was asked to end since :meth:`listening` was entered.
@@ -37,9 +37,9 @@ class StopRequest:
 
     @contextmanager
     def listening(self) -> Iterator[None]:
-        """Take the signals over for the block, in which a request is only noted.
+        """Handle signals within the block, where a request is only recorded.
 
-        Only the main thread may enter it.
+        Main thread only.
         """
         if self._is_listening:
             before, self._ending = self._ending, None
@@ -49,7 +49,7 @@ class StopRequest:
                 self._ending = before
             return
         self.made, self._is_listening = False, True
-        # A program started under nohup is meant to outlive its terminal.
+        # A program started with nohup outlives its terminal.
         numbers = [
             number
             for number in _SIGNALS
@@ -65,7 +65,7 @@ class StopRequest:
 
     @contextmanager
     def interrupting(self) -> Iterator[None]:
-        """Within the block a request raises KeyboardInterrupt, one made before at once."""
+        """Within the block a request raises KeyboardInterrupt; an earlier one at once."""
         self._interrupts = True
         try:
             if self.made:
@@ -76,15 +76,15 @@ class StopRequest:
 
     @contextmanager
     def ending_at_once(self, code: int, words: str = '') -> Iterator[None]:
-        """Within the block a request ends the process on the spot, without a word of Python's.
+        """Within the block a request ends the process at once, without a traceback.
 
-        It is for imports: they take seconds, have nothing to lose, and an exception among them
-        may come out as another one. Signals are listened to as in :meth:`listening`, and a block
-        of that within this one takes over.
+        For imports: they take seconds and can be aborted, and an exception in them may be
+        converted to another one. Signals are handled as in :meth:`listening`, and a nested block of
+        that takes precedence.
 
         Args:
             code: the exit code.
-            words: a line for stderr; none: nothing is said.
+            words: a line for stderr, if not empty.
         """
         with self.listening():
             before, self._ending = self._ending, (code, words)
@@ -96,9 +96,10 @@ class StopRequest:
                 self._ending = before
 
     def _end(self) -> None:
+        assert self._ending is not None
         code, words = self._ending
         if words:
-            # Unbuffered, for the buffer may be in use where the signal came.
+            # Unbuffered, because the signal may have interrupted a use of the buffer.
             os.write(2, f'{words}\n'.encode())
         os._exit(code)
 
@@ -111,11 +112,11 @@ class StopRequest:
 
 
 stop_request = StopRequest()
-"""The process's one request: signals know no other scope."""
+"""The only instance: signals are per process."""
 
 
 def parent_is_gone() -> bool:
-    """Return whether the process named in :data:`PARENT_VARIABLE` is this one's parent no more."""
+    """Return whether the process named in :data:`PARENT_VARIABLE` is no longer the parent."""
     return _parent() not in (0, os.getppid())
 
 

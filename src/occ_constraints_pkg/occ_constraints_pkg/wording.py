@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers in sentences."""
+"""Numbers with nouns in sentences."""
 
 from __future__ import annotations
 

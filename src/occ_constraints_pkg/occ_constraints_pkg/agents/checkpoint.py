@@ -21,7 +21,7 @@ from occ_constraints_pkg.errors import DataError
 from occ_constraints_pkg.files import ARCHIVE, read_bytes, replacing
 
 _FORMAT = 'occ_constraints checkpoint 2'
-# Far more than any training leaves, and what a machine that trains has to spare.
+# Far more than any training writes, yet affordable on a machine that trains.
 _MOST_BYTES = 1 << 30
 # What the pickle of a checkpoint is made of.
 _OPERATIONS = frozenset(
@@ -40,16 +40,16 @@ _REUSED = ('BINUNICODE', 'GLOBAL', 'tensor', 'pair')
 
 
 def write_checkpoint(path: Path | str, state: Mapping[str, Any]) -> None:
-    """Write ``state``, replacing the file in a single move.
+    """Write ``state``, replacing the file atomically.
 
     Args:
         path: the file.
         state: nested mappings and lists of numbers, texts, arrays and tensors.
 
     Raises:
-        OccError: it cannot be written; the file before stays.
+        OccError: it cannot be written; the previous file stays.
     """
-    # Not straight to the file: of a full disk torch tells positions, the system what is the matter.
+    # Not directly to the file: for a full disk torch reports a position, the system the reason.
     content = io.BytesIO()
     torch.save({'format': _FORMAT, **_with_tensors(state)}, content)
     with replacing(path, ARCHIVE) as draft:
@@ -60,7 +60,7 @@ def read_checkpoint(path: Path | str) -> dict[str, Any]:
     """Read what :func:`write_checkpoint` wrote; all tensors on the CPU.
 
     Raises:
-        OccError: no such file, or not a checkpoint.
+        DataError: no such file, or not a checkpoint.
     """
     content = read_bytes(path, _MOST_BYTES, 'checkpoint')
     try:
@@ -76,7 +76,7 @@ def read_checkpoint(path: Path | str) -> dict[str, Any]:
 
 
 def _check_content(content: bytes) -> None:
-    """Refuse what torch would not notice: a changed bit, or a few bytes that ask for gigabytes.
+    """Refuse what torch does not detect: a changed bit, or a small file that expands to gigabytes.
 
     Raises:
         ValueError: the content is not one that :func:`write_checkpoint` writes.
@@ -84,7 +84,7 @@ def _check_content(content: bytes) -> None:
     """
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         items = archive.infolist()
-        # Nothing is packed, so that nothing can become more than the file.
+        # Nothing is compressed, so nothing can be larger than the file.
         if any(item.compress_type != zipfile.ZIP_STORED for item in items):
             raise ValueError('it is packed')
         if sum(item.file_size for item in items) > len(content):
@@ -99,16 +99,17 @@ def _check_content(content: bytes) -> None:
 
 
 def _check_pickle(part: bytes) -> None:
-    """Refuse a pickle that calls for anything else than tensors, or uses a container twice.
+    """Refuse a pickle that calls anything but tensor constructors, or uses a container twice.
 
-    torch executes nothing else than it knows, but that includes bytearrays of any size, and lists
-    that hold one another twice are walked through in a time that doubles with each.
+    torch executes only calls on its list, but these include bytearrays of any size; and lists that
+    contain one another twice take exponential time to traverse.
 
     Raises:
         ValueError: it does.
     """
     memo: dict[int, str] = {}
     recent = ['', '', '']
+    argument: Any
     for operation, argument, _ in pickletools.genops(part):
         name = operation.name
         if name not in _OPERATIONS:
@@ -117,14 +118,14 @@ def _check_pickle(part: bytes) -> None:
             raise ValueError(f'a call of {argument!r}')
         if name in ('BINPUT', 'LONG_BINPUT'):
             memo[argument] = _made_by(recent)
-        elif name in ('BINGET', 'LONG_BINGET') and memo.get(argument) not in _REUSED:
+        elif name in ('BINGET', 'LONG_BINGET') and memo.get(argument, '') not in _REUSED:
             raise ValueError('a part that is used twice')
         else:
             recent = [*recent[1:], name]
 
 
 def _made_by(operations: Sequence[str]) -> str:
-    """Tell what the last three operations of a pickle have made."""
+    """Return what the last three operations of a pickle have made."""
     match operations:
         case [first, second, 'TUPLE2'] if {first, second} <= _NUMBERS:
             return 'pair'
@@ -144,12 +145,12 @@ def with_arrays(value: Any) -> Any:
 
 
 def _with_tensors(value: Any) -> Any:
-    # torch reads tensors without executing anything, arrays not.
+    # torch loads tensors without executing anything, but not arrays.
     if isinstance(value, np.ndarray):
         return torch.from_numpy(value.copy())
     if isinstance(value, Mapping):
         return {key: _with_tensors(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        # Copied: what is there twice is not read.
+        # Copied: shared containers are refused on reading.
         return type(value)([_with_tensors(item) for item in value])
     return value

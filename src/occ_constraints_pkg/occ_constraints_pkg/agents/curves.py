@@ -29,16 +29,15 @@ def draw_training(
     *,
     cost_name: str = 'cost',
 ) -> None:
-    """Draw return, cost and multiplier over steps: the mean of several seeds and its 95 % interval.
+    """Draw return, cost and multiplier over steps: mean of the seeds and its 95 % interval.
 
-    Values not there yet are left out. Seeds are compared update by update, up to the end of the
-    shortest.
+    Missing values are left out. Seeds are compared update by update, up to the end of the shortest.
 
     Args:
         path: PNG file to write.
         histories: the lines of the metrics file of each seed.
         cost_limit: drawn as a line; ``None``: no limit.
-        cost_name: what the cost is called.
+        cost_name: name of the cost.
 
     Raises:
         OccError: the file cannot be written.

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""How well a policy does: return, cost and length of fresh episodes."""
+"""Evaluation of policies: return, cost and length of fresh episodes."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def half_width(values: np.ndarray) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """What each episode brought.
+    """The results of each episode.
 
     Attributes:
         returns: (E,) float64, undiscounted sum of rewards.
@@ -71,21 +71,20 @@ def evaluate(
     seed: int,
     cost_source: CostSource | None = None,
 ) -> Evaluation:
-    """Run fresh episodes and sum up what they bring.
+    """Run fresh episodes and sum up reward and cost.
 
-    The first episodes of every robot are taken, as many of each as of any other (one more of the
-    first robots where the number does not divide): taking whichever end first would favour the
-    short ones.
+    The first episodes of every robot count, equally many per robot (one more for the first robots
+    if the number does not divide): counting those that end first would favour short ones.
 
     Args:
         world: the task.
         act: maps an observation (N, k) to an action (N, a), for example ``policy.act``.
         episodes: number of episodes E, at least 1.
         seed: of the world's generators.
-        cost_source: tells the cost of each state; the world's own where ``None``.
+        cost_source: returns the cost of each state; ``None`` for the cost of the world.
 
     Raises:
-        OccError: ``episodes`` is below 1.
+        ConfigurationError: ``episodes`` is below 1.
     """
     if episodes < 1:
         raise ConfigurationError(f'evaluation got episodes = {episodes}; allowed is 1 or more')
@@ -124,16 +123,16 @@ def evaluate_driver(
     """Run fresh episodes of a world with a policy or a scripted driver.
 
     Args:
-        name: who drives, see :func:`~occ_constraints_pkg.agents.drivers.find_driver`.
+        name: the driver, see :func:`~occ_constraints_pkg.agents.drivers.find_driver`.
         world: name of the world.
         episodes: number of episodes, at least 1.
         seed: of the world and of the driver's random choices.
         explore: sample the actions of a trained policy instead of taking their mean.
-        constraints: rules that tell the cost; ``None`` for the world's own.
+        constraints: rules that define the cost; ``None`` for the cost of the world.
 
     Raises:
-        OccError: ``episodes`` is below 1, there is no such driver, or policy or rules do not belong
-            to the world.
+        ConfigurationError: ``episodes`` is below 1, there is no such driver, or the policy or the
+            rules do not belong to the world.
     """
     check_driver(world, name)
     simulated = make_world(world, max(1, min(episodes, _MOST_ROBOTS)))

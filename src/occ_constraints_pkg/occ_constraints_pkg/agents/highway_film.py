@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Drives on the highway as a film or a strip of pictures, with the violated rules beside them."""
+"""Highway episodes as a film or a strip of pictures, with the violated rules beside them."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ import numpy as np
 from matplotlib import animation
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
+from matplotlib.figure import SubFigure
 from matplotlib.patches import Polygon
 
 from occ_constraints_pkg.agents.rule_cost import RuleCost
@@ -28,22 +29,22 @@ from occ_constraints_pkg.worlds.highway_traffic import HEADING, IDENTITY, LENGTH
 
 _ROAD, _LINE, _OTHER, _EGO, _BAD = '#d9d9d9', '#ffffff', '#777777', '#3b6ea5', '#c8362b'
 _DOTS_PER_INCH = 80
-# What is seen of the road, in m behind and ahead of the ego.
+# Visible part of the road, in m behind and ahead of the ego.
 _BEHIND, _AHEAD = 35.0, 105.0
 _SHOTS = 4
-# A frame of the film every so many seconds; it runs twice as fast as the cars.
+# Seconds between frames; the film runs at twice the real speed.
 _FRAME_SECONDS, _HASTE = 0.8, 2.0
 
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """What happened in one drive.
+    """One episode.
 
     Attributes:
         lanes: number of lanes.
         vehicles: (T, V, 3) x and y in m and heading in rad of all vehicles, the ego first; y grows
             to the right.
-        observation: (T, k) what the ego saw.
+        observation: (T, k) of the ego.
         end: ``collision``, ``off the road`` or empty.
         returned: sum of rewards.
     """
@@ -85,12 +86,12 @@ def draw_drives(path: Path, drives: Mapping[str, Drive], constraints: Constraint
 
     Args:
         path: ``.png`` for a strip of moments of each; ``.gif`` for a film.
-        drives: by the name of who drove, in the same scenario.
-        constraints: the rules by which each state is judged, if any.
+        drives: by name of the driver, in the same scenario.
+        constraints: the rules that judge each state, if any.
 
     Raises:
-        OccError: the suffix is another one, a rule speaks of what the highway does not show, or
-            the file cannot be written.
+        ConfigurationError: the suffix is another one, or a rule uses a feature that the highway
+            does not have.
     """
     kind = kind_of(path)
     broken = {name: _violations(drive, constraints) for name, drive in drives.items()}
@@ -105,7 +106,7 @@ def kind_of(path: Path) -> Kind:
     """Return what :func:`draw_drives` writes to a file of this name.
 
     Raises:
-        OccError: there is no way to write such a file.
+        ConfigurationError: there is no way to write such a file.
     """
     kinds = {'.png': PICTURE, '.gif': GIF}
     if path.suffix.lower() not in kinds:
@@ -114,7 +115,7 @@ def kind_of(path: Path) -> Kind:
 
 
 def _violations(drive: Drive, constraints: Constraints | None) -> dict[str, np.ndarray] | None:
-    """Return by the words of each rule that is ever violated where it is, (T,) bool."""
+    """Return (T,) bool by text of each rule that is ever violated: where it is."""
     if constraints is None:
         return None
     rule_set = constraints.rule_set
@@ -122,7 +123,7 @@ def _violations(drive: Drive, constraints: Constraints | None) -> dict[str, np.n
     truths = {}
     for index in rule_set.order:
         rule = rule_set.rules[index]
-        truth = np.all([item.holds(values[:, item.feature]) for item in rule.literals], axis=0)
+        truth = rule.holds(values)
         if truth.any():
             truths[rule.words(rule_set.space)] = truth
     return truths
@@ -156,7 +157,7 @@ def _draw_film(
         parts.append((road, timeline.axvline(0.0, color='black', lw=0.8), drive, broken[name]))
     longest = max(len(drive.vehicles) for drive in drives.values())
     stride = round(_FRAME_SECONDS / Highway.step_seconds)
-    writer = animation.PillowWriter(fps=_HASTE / _FRAME_SECONDS)
+    writer = animation.PillowWriter(fps=_HASTE / _FRAME_SECONDS)  # type: ignore[arg-type]
     with writer.saving(figure, str(path), _DOTS_PER_INCH * 0.8):
         for step in range(0, longest, stride):
             for road, line, drive, truths in parts:
@@ -168,7 +169,7 @@ def _draw_film(
     plt.close(figure)
 
 
-def _axes(block: plt.Figure, name: str, drive: Drive, shots: int) -> tuple[Sequence[Axes], Axes]:
+def _axes(block: SubFigure, name: str, drive: Drive, shots: int) -> tuple[Sequence[Axes], Axes]:
     grid = block.add_gridspec(
         shots,
         2,
@@ -192,7 +193,7 @@ def _axes(block: plt.Figure, name: str, drive: Drive, shots: int) -> tuple[Seque
 def _draw_road(
     axis: Axes, drive: Drive, step: int, truths: Mapping[str, np.ndarray] | None
 ) -> None:
-    """Draw what is around the ego, the right side of the road below."""
+    """Draw the surroundings of the ego, the right side of the road at the bottom."""
     vehicles = drive.vehicles[step]
     here = vehicles[0, 0]
     top, bottom = -LANE_WIDTH / 2, LANE_WIDTH * (drive.lanes - 0.5)
@@ -223,7 +224,7 @@ def _draw_road(
 
 
 def _draw_timeline(axis: Axes, truths: Mapping[str, np.ndarray] | None) -> None:
-    """Draw when which rule is violated; ``None`` where nothing was judged."""
+    """Draw when each rule is violated; ``None`` if there are no rules."""
     width = Highway.step_seconds
     verdict = 'no rules given' if truths is None else 'no violation'
     truths = truths or {}

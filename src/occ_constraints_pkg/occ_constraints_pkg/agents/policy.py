@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""A trained policy as plain numbers: it runs with NumPy alone and its file executes nothing."""
+"""A trained policy as plain arrays: runs with NumPy alone, and its file executes nothing."""
 
 from __future__ import annotations
 
@@ -22,26 +22,25 @@ _FIELD = re.compile(
     r'format|world|columns|action_columns|observation_(mean|variance|clip)|log_std|'
     r'(weight|bias)_[0-9]{1,3}'
 )
-# Thousands of times what the shipped policies take.
+# Thousands of times the size of the shipped policies.
 _MOST_BYTES = 256 << 20
-# OpenBLAS gives a larger matrix product (rows x inputs x outputs) to several threads. They wait by
-# spinning, which turns 0.1 ms into 10 ms as soon as other processes want the cores.
+# OpenBLAS splits larger matrix products (rows x inputs x outputs) among threads, which wait by
+# spinning: 0.1 ms become 10 ms as soon as other processes use the cores.
 _SMALL_PRODUCT = 2**18
 
 
 def column_names(columns: Sequence[Column | str]) -> tuple[str, ...]:
-    """Return the names of columns that may be given as :class:`Column` or by name."""
+    """Return the names of columns given as :class:`Column` or by name."""
     return tuple(column if isinstance(column, str) else column.name for column in columns)
 
 
 @dataclass(frozen=True, eq=False)
 class GaussianPolicy:
-    """A diagonal Gaussian over actions; a tanh network of the normalised observation is its mean.
+    """A diagonal Gaussian over actions whose mean is a tanh network of the observation.
 
     The network sees ``clip((x - mean) / sqrt(variance), -clip, clip)``, applies
     ``tanh(x @ weight + bias)`` for every layer but the last, and the last one without tanh.
-    Actions are in the units of the world's action columns and are not clipped to their bounds:
-    worlds do that.
+    Actions are in the units of the action columns and not clipped to their bounds; worlds clip.
 
     Attributes:
         world: name of the world it was trained in.
@@ -66,14 +65,14 @@ class GaussianPolicy:
     log_std: np.ndarray
 
     def __post_init__(self) -> None:
-        """Refuse numbers that do not make a policy.
+        """Refuse inconsistent arrays.
 
         Raises:
-            OccError: shapes that do not fit one another, or numbers that are not finite.
+            DataError: inconsistent shapes, or numbers that are not finite.
         """
         k, a = len(self.columns), len(self.action_columns)
         widths = [k, *(bias.size for bias in self.biases)]
-        wanted = {
+        wanted: dict[str, tuple[np.ndarray, tuple[int, ...]]] = {
             'observation_mean': (self.observation_mean, (k,)),
             'observation_variance': (self.observation_variance, (k,)),
             'log_std': (self.log_std, (a,)),
@@ -117,7 +116,7 @@ class GaussianPolicy:
             (N, a) float32.
 
         Raises:
-            OccError: the observation has another width or is not finite.
+            DataError: the observation has another width or is not finite.
         """
         x = np.asarray(observation, dtype=np.float32)
         if x.ndim != 2 or x.shape[1] != len(self.columns) or not np.isfinite(x).all():
@@ -146,10 +145,10 @@ class GaussianPolicy:
     def check_world(
         self, columns: Sequence[Column | str], action_columns: Sequence[Column | str]
     ) -> None:
-        """Refuse a world or a topic whose columns are not those of the policy, in its order.
+        """Refuse a world or a topic whose columns or their order differ from the policy's.
 
         Raises:
-            OccError: the first difference.
+            DataError: the first difference.
         """
         for kind, own, given in (
             ('observation', self.columns, column_names(columns)),
@@ -169,7 +168,7 @@ class GaussianPolicy:
             )
 
     def save(self, path: Path | str) -> None:
-        """Write the policy as an ``.npz`` file, replacing one that is there in a single move.
+        """Write the policy as an ``.npz`` file, replacing an existing one atomically.
 
         Fields: ``format`` (text), ``world`` (text), ``columns`` and ``action_columns`` (text
         arrays), ``observation_mean``, ``observation_variance``, ``observation_clip``,
@@ -189,14 +188,14 @@ class GaussianPolicy:
             fields[f'weight_{layer}'] = weight
             fields[f'bias_{layer}'] = bias
         with replacing(path, ARCHIVE) as draft, draft.open('wb') as file:
-            np.savez(file, **fields)
+            np.savez(file, **fields)  # type: ignore[arg-type]
 
     @classmethod
     def load(cls, path: Path | str) -> GaussianPolicy:
         """Read a policy file; nothing in it is executed.
 
         Raises:
-            OccError: no such file, not a policy file, or shapes that do not fit one another.
+            DataError: no such file, not a policy file, or inconsistent shapes.
         """
         fields = read_arrays(
             path,

@@ -4,31 +4,25 @@
 
 The objective is to maximise the expected return subject to an expected cost per episode of at most
 ``cost_limit`` (Ray, Achiam and Amodei 2019, section 5.1; PPO: Schulman et al. 2017; advantages:
-Schulman et al. 2016). The learner neither steps a world nor asks for a cost: it is told both by
-its caller, so that the same class serves a plain loop and a ROS node.
+Schulman et al. 2016). The learner neither steps a world nor computes a cost: its caller passes in
+both, so the same class serves a plain loop and a ROS node.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
 from torch import nn
 
 from occ_constraints_pkg.agents.checkpoint import read_checkpoint, with_arrays, write_checkpoint
-from occ_constraints_pkg.agents.improvement import TrainingData, improve
-from occ_constraints_pkg.agents.multiplier import Multiplier
-from occ_constraints_pkg.agents.networks import (
-    mlp,
-    numbers,
-    torch_device,
-)
 from occ_constraints_pkg.agents.policy import GaussianPolicy, column_names
 from occ_constraints_pkg.agents.rollout import (
     Episodes,
@@ -39,22 +33,204 @@ from occ_constraints_pkg.agents.rollout import (
 )
 from occ_constraints_pkg.agents.settings import PPOLagrangianConfig, TrainingMetrics
 from occ_constraints_pkg.archives import describe
-from occ_constraints_pkg.errors import ConfigurationError, OccError
+from occ_constraints_pkg.errors import ConfigurationError, DataError, OccError
 from occ_constraints_pkg.worlds.base import Column
 from occ_constraints_pkg.worlds.stream import StepBatch
 
-# Share of the first step size that is left at the end of its decay, and after it.
-_LEAST_STEP_SIZE = 0.1
+
+class Multiplier:
+    """A proportional-integral controller (Stooke, Achiam and Abbeel 2020), bounded in both parts.
+
+    The excess of the cost over its limit counts in units of ``multiplier_band`` times the limit (of
+    ``multiplier_band`` where the limit is below 1), clipped to 1 unit. A cost far above its limit,
+    as at the start of training, thus raises the multiplier slowly enough for the reward to be
+    learned at the same time, while the response to a cost near its limit is proportional.
+
+    Attributes:
+        integral: the integral part, 0 or more.
+        value: the multiplier, 0 or more.
+    """
+
+    def __init__(self, config: PPOLagrangianConfig) -> None:
+        """Start with the integral alone, at ``multiplier_init``."""
+        self._limit, self._rate = config.cost_limit, config.multiplier_rate
+        self._gain = config.multiplier_gain
+        self._unit = config.multiplier_band * max(config.cost_limit, 1.0)
+        self.integral = self.value = config.multiplier_init
+
+    def update(self, cost: float) -> None:
+        """Follow the mean cost of recent episodes; NaN (no episode yet) changes nothing."""
+        if math.isnan(cost):
+            return
+        excess = min(1.0, max(-1.0, (cost - self._limit) / self._unit))
+        self.integral = max(0.0, self.integral + self._rate * excess)
+        self.value = max(0.0, self.integral + self._gain * excess)
+
+
+def torch_device(name: str) -> torch.device:
+    """Return the device.
+
+    Args:
+        name: ``cpu`` or ``cuda``.
+
+    Raises:
+        ConfigurationError: this machine does not have it.
+    """
+    if name not in ('cpu', 'cuda') or (name == 'cuda' and not torch.cuda.is_available()):
+        here = 'cpu, cuda' if torch.cuda.is_available() else 'cpu'
+        raise ConfigurationError(f'learner setting device is {name!r}; this machine has {here}')
+    return torch.device(name)
+
+
+def _mlp(widths: Sequence[int], last_gain: float, rng: np.random.Generator) -> nn.Sequential:
+    """Return a tanh network with orthogonal weights and zero biases.
+
+    Args:
+        widths: of the input, the hidden layers and the output.
+        last_gain: scale of the last layer's weights.
+        rng: draws the weights.
+    """
+    layers: list[nn.Module] = []
+    for inputs, outputs in zip(widths[:-1], widths[1:], strict=True):
+        layer = nn.Linear(inputs, outputs)
+        gain = last_gain if len(layers) == 2 * (len(widths) - 2) else math.sqrt(2.0)
+        square = rng.standard_normal((max(inputs, outputs), min(inputs, outputs)))
+        basis, triangle = np.linalg.qr(square)
+        basis = basis * np.sign(np.diag(triangle))
+        weight = gain * (basis if outputs >= inputs else basis.T)
+        with torch.no_grad():
+            layer.weight.copy_(torch.from_numpy(weight))
+            layer.bias.zero_()
+        layers += [layer, nn.Tanh()]
+    return nn.Sequential(*layers[:-1])
+
+
+def _log_probability(
+    action: torch.Tensor, mean: torch.Tensor, log_std: torch.Tensor
+) -> torch.Tensor:
+    """Return the log density of a diagonal Gaussian, (rows,)."""
+    z = (action - mean) * torch.exp(-log_std)
+    return (-0.5 * z.square() - log_std - 0.5 * math.log(2.0 * math.pi)).sum(dim=1)
+
+
+def _kl_divergence(
+    mean: torch.Tensor, log_std: torch.Tensor, other: torch.Tensor, other_log_std: torch.Tensor
+) -> torch.Tensor:
+    """Return the mean over rows of KL(first || other) of two diagonal Gaussians, a scalar."""
+    spread = torch.exp(2.0 * (log_std - other_log_std))
+    shift = ((mean - other) * torch.exp(-other_log_std)).square()
+    return (other_log_std - log_std + 0.5 * (spread + shift - 1.0)).sum(dim=1).mean()
+
+
+def _to_numpy(tensor: torch.Tensor) -> np.ndarray:
+    """Return a copy on the CPU that later optimiser steps do not change."""
+    return np.ascontiguousarray(tensor.detach().cpu().numpy()).copy()
+
+
+class _TrainingData(NamedTuple):
+    """A batch of n transitions.
+
+    Attributes:
+        observation: (n, k) as the networks see them.
+        action: (n, a) that was taken.
+        advantage: (n,) of reward and cost together.
+        target: (n,) regression target of the critic.
+        cost_target: (n,) regression target of the cost critic.
+    """
+
+    observation: torch.Tensor
+    action: torch.Tensor
+    advantage: torch.Tensor
+    target: torch.Tensor
+    cost_target: torch.Tensor
+
+
+def _improve(
+    networks: nn.ModuleDict,
+    optimiser: torch.optim.Optimizer,
+    data: _TrainingData,
+    config: PPOLagrangianConfig,
+    rng: np.random.Generator,
+) -> dict[str, Any]:
+    """Run the gradient steps of one update: clipped surrogate, squared errors for both critics.
+
+    Epochs over the batch end once the KL divergence from the old policy exceeds ``target_kl``.
+
+    Args:
+        networks: ``actor`` with its ``log_std``, ``critic`` and ``cost_critic``.
+        optimiser: of all their parameters.
+        data: what to learn from.
+        config: the settings.
+        rng: shuffles the minibatches.
+
+    Returns:
+        Means over the last epoch, and the number of epochs; see ``TrainingMetrics``.
+
+    Raises:
+        ConfigurationError: the weights are no longer finite.
+    """
+    actor, critic, cost_critic = (networks[name] for name in ('actor', 'critic', 'cost_critic'))
+    observation, action, advantage, target, cost_target = data
+    rows, device = len(observation), observation.device
+    log_std = actor.get_parameter('log_std')
+    with torch.no_grad():
+        old_mean = actor(observation)
+        old_log_std = log_std.clone()
+        old_log_prob = _log_probability(action, old_mean, old_log_std)
+    epochs, moved = 0, False
+    while epochs < config.passes and not moved:
+        order = torch.from_numpy(rng.permutation(rows)).to(device)
+        sums = torch.zeros(4, device=device)
+        for index in torch.split(order, config.minibatch):
+            x = observation[index]
+            mean = actor(x)
+            ratio = torch.exp(_log_probability(action[index], mean, log_std) - old_log_prob[index])
+            clipped = ratio.clamp(1.0 - config.clip, 1.0 + config.clip)
+            gain = advantage[index]
+            policy_loss = -torch.min(ratio * gain, clipped * gain).mean()
+            value_loss = (critic(x)[:, 0] - target[index]).square().mean()
+            cost_loss = (cost_critic(x)[:, 0] - cost_target[index]).square().mean()
+            optimiser.zero_grad()
+            (policy_loss + value_loss + cost_loss).backward()
+            for network in networks.values():
+                nn.utils.clip_grad_norm_(network.parameters(), config.max_grad_norm)
+            optimiser.step()
+            with torch.no_grad():
+                kl = _kl_divergence(old_mean[index], old_log_std, mean, log_std)
+                figures = torch.stack([kl, policy_loss, value_loss, cost_loss])
+                sums += figures * (len(index) / rows)
+        epochs += 1
+        moved = bool(sums[0] > config.target_kl)
+    if not all(weights.isfinite().all() for weights in networks.parameters()):
+        raise ConfigurationError(
+            'training has diverged: weights of the networks are no longer finite; allowed are '
+            f'smaller learning rates than actor_lr {config.actor_lr:g} and critic_lr '
+            f'{config.critic_lr:g}, or rewards and costs of a smaller size'
+        )
+    kl, policy_loss, value_loss, cost_value_loss = sums.tolist()
+    log_std_sum = log_std.sum().item()
+    return {
+        'kl': kl,
+        'passes': epochs,
+        'entropy': log_std_sum + 0.5 * action.shape[1] * math.log(2.0 * math.pi * math.e),
+        'policy_loss': policy_loss,
+        'value_loss': value_loss,
+        'cost_value_loss': cost_value_loss,
+    }
+
+
+# Share of the initial learning rate that remains at the end of its decay, and after it.
+_MIN_LEARNING_RATE = 0.1
 
 
 class PPOLagrangian:
-    """The learner: tell it each step of a stream, and it answers with the next action.
+    """The learner: pass it each step of a stream, and it returns the next action.
 
     Attributes:
         config: its settings.
         columns: names of the observation columns.
         action_columns: names of the action columns.
-        world_name: the world that its policies are made for.
+        world_name: the world that its policies belong to.
         steps: transitions learned from or collected, summed over robots.
         updates: updates made.
         metrics: of the last update; ``None`` before the first.
@@ -78,7 +254,7 @@ class PPOLagrangian:
             seed: of the networks' first weights, of exploration and of minibatches.
 
         Raises:
-            OccError: the device is not there.
+            ConfigurationError: this machine does not have the device.
         """
         self.config = config
         self.columns = column_names(columns)
@@ -87,15 +263,15 @@ class PPOLagrangian:
         self.steps = 0
         self.updates = 0
         self.metrics: TrainingMetrics | None = None
-        # All chance comes from this one generator, so that a checkpoint need hold no other state
-        # and CPU and GPU draw alike.
+        # The only source of randomness, so that a checkpoint holds no other generator's state and
+        # CPU and GPU draw the same numbers.
         self._rng = np.random.default_rng(seed)
         self._device = torch_device(config.device)
         torch.set_num_threads(config.threads)
         k, a = len(self.columns), len(self.action_columns)
-        self._actor = mlp((k, *config.hidden, a), 0.01, self._rng)
-        self._critic = mlp((k, *config.hidden, 1), 1.0, self._rng)
-        self._cost_critic = mlp((k, *config.hidden, 1), 1.0, self._rng)
+        self._actor = _mlp((k, *config.hidden, a), 0.01, self._rng)
+        self._critic = _mlp((k, *config.hidden, 1), 1.0, self._rng)
+        self._cost_critic = _mlp((k, *config.hidden, 1), 1.0, self._rng)
         self._actor.register_parameter(
             'log_std', nn.Parameter(torch.full((a,), float(config.log_std_init)))
         )
@@ -121,9 +297,9 @@ class PPOLagrangian:
         self._clock, self._steps_then = time.perf_counter(), 0
 
     def choose(self, batch: StepBatch) -> None:
-        """Choose the next action while the cost of ``batch`` is still under way.
+        """Choose the next action before the cost of ``batch`` is known.
 
-        Nothing happens where an update comes first. :meth:`act` gives the same answers as without.
+        Does nothing if an update comes first. :meth:`act` returns the same actions either way.
         """
         rollout = self._rollout
         if rollout is not None and rollout.filled + self._open < self.config.rollout_steps:
@@ -144,40 +320,44 @@ class PPOLagrangian:
             (N, a) float32 actions.
 
         Raises:
-            OccError: another number of robots or columns than before, or a number that is not
+            DataError: another number of robots or columns than before, or a number that is not
                 finite: a missing cost is never taken for 0.
         """
         robots = None if self._rollout is None else self._rollout.reward.shape[1]
         cost = checked_cost(batch, cost, robots, len(self.columns))
         if self._rollout is None:
             self._allocate(len(cost))
+        rollout, _ = self._buffers()
         if self._open:
             self._close(batch, cost)
-        if self._rollout.filled == self.config.rollout_steps:
-            self._rollout.observation[-1] = batch.observation
+        if rollout.filled == self.config.rollout_steps:
+            rollout.observation[-1] = batch.observation
             self._update()
-        t = self._rollout.filled
-        (seen, action), self._chosen = self._chosen or (None, None), None
-        if seen is not batch:
+        t = rollout.filled
+        if self._chosen is not None and self._chosen[0] is batch:
+            action = self._chosen[1]
+        else:
             action = self._policy.act(batch.observation, self._rng)
-        self._rollout.observation[t] = batch.observation
-        self._rollout.action[t] = action
+        self._chosen = None
+        rollout.observation[t] = batch.observation
+        rollout.action[t] = action
         self._last_done = batch.done
         self._open = True
         return action
 
     def interrupt(self, *, new_episodes: bool = True) -> None:
-        """Forget the transition that is half open: its successor will not come.
+        """Drop the open transition: its successor will not arrive.
 
         Args:
             new_episodes: the next batch shows first states of episodes (the simulator started
-                anew). ``False``: it shows later states of running episodes, some steps having been
-                missed; these episodes are learned from but left out of the means.
+                anew). ``False``: it shows later states of running episodes after missed steps;
+                these episodes are learned from but left out of the means.
         """
         if self._open:
-            # The state stays in the rollout, as the successor of the transition before.
-            self._rollout.valid[self._rollout.filled] = False
-            self._rollout.filled += 1
+            # The state stays in the rollout as the successor of the previous transition.
+            rollout, _ = self._buffers()
+            rollout.valid[rollout.filled] = False
+            rollout.filled += 1
             self._open = False
         self._begins_whole = new_episodes
         if self._episodes is not None:
@@ -194,9 +374,9 @@ class PPOLagrangian:
             observation_mean=self._normaliser.mean.astype(np.float32),
             observation_variance=self._normaliser.floored_variance.astype(np.float32),
             observation_clip=self.config.observation_clip,
-            weights=tuple(numbers(layer.weight.T) for layer in layers),
-            biases=tuple(numbers(layer.bias) for layer in layers),
-            log_std=numbers(self._actor.log_std),
+            weights=tuple(_to_numpy(layer.weight.T) for layer in layers),
+            biases=tuple(_to_numpy(layer.bias) for layer in layers),
+            log_std=_to_numpy(self._actor.get_parameter('log_std')),
         )
 
     @property
@@ -210,41 +390,48 @@ class PPOLagrangian:
         self._episodes = Episodes(robots, self.config.window)
         self._episodes.whole[:] = self._begins_whole
 
+    def _buffers(self) -> tuple[Rollout, Episodes]:
+        """Return what :meth:`_allocate` has made."""
+        assert self._rollout is not None
+        assert self._episodes is not None
+        return self._rollout, self._episodes
+
     def _close(self, batch: StepBatch, cost: np.ndarray) -> None:
-        rollout, t = self._rollout, self._rollout.filled
-        valid = ~self._last_done
+        """Complete the open transition."""
+        rollout, episodes = self._buffers()
+        assert self._last_done is not None
+        t, valid = rollout.filled, ~self._last_done
         rollout.reward[t] = batch.reward
         rollout.cost[t] = cost
         rollout.terminated[t] = batch.terminated
         rollout.valid[t] = valid
         rollout.filled += 1
         self.steps += int(valid.sum())
-        self._episodes.add(batch.reward, cost, valid, batch.done)
+        episodes.add(batch.reward, cost, valid, batch.done)
         self._open = False
 
     def _update(self) -> None:
         """Learn from the full rollout and empty it."""
         self._chosen = None
-        config, rollout = self.config, self._rollout
+        config, (rollout, episodes) = self.config, self._buffers()
         if not rollout.valid.any():
             rollout.filled = 0
             return
         started = time.perf_counter()
-        mean_return, mean_cost, mean_length = self._episodes.means()
+        mean_return, mean_cost, mean_length = episodes.means()
         if config.lagrangian:
             self._multiplier.update(mean_cost)
-        # The statistics change between rollouts, never within one. The first rollout was acted
-        # without any; its own are used at once, which hardly matters to a policy whose mean is
-        # still about 0 everywhere.
+        # The statistics change between rollouts only. There were none during the first rollout, so
+        # its own are used at once; the mean of an untrained policy is about 0 everywhere anyway.
         first = self._normaliser.count == 0
         if first:
             self._normaliser.fold(rollout.observation[:-1])
             self._policy = self.policy()
         if config.decay_steps:
-            left = max(_LEAST_STEP_SIZE, 1.0 - self.steps / config.decay_steps)
+            left = max(_MIN_LEARNING_RATE, 1.0 - self.steps / config.decay_steps)
             actor, critics = self._optimiser.param_groups
             actor['lr'], critics['lr'] = left * config.actor_lr, left * config.critic_lr
-        losses = improve(self._networks, self._optimiser, self._training_data(), config, self._rng)
+        losses = _improve(self._networks, self._optimiser, self._training_data(), config, self._rng)
         if not first:
             self._normaliser.fold(rollout.observation[:-1])
         self._policy = self.policy()
@@ -254,7 +441,7 @@ class PPOLagrangian:
         self.metrics = TrainingMetrics(
             steps=self.steps,
             updates=self.updates,
-            episodes=self._episodes.finished,
+            episodes=episodes.finished,
             mean_return=mean_return,
             mean_cost=mean_cost,
             mean_length=mean_length,
@@ -266,27 +453,26 @@ class PPOLagrangian:
         )
         self._clock, self._steps_then = now, self.steps
 
-    def _training_data(self) -> TrainingData:
-        """Return what the valid transitions teach."""
-        config, rollout = self.config, self._rollout
+    def _training_data(self) -> _TrainingData:
+        """Return the valid transitions with their advantages and targets."""
+        config, (rollout, _) = self.config, self._buffers()
         shape = rollout.observation.shape[:2]
         observation = self._normalised(rollout.observation).to(self._device)
         with torch.no_grad():
-            values = numbers(self._critic(observation)).reshape(shape)
-            cost_values = numbers(self._cost_critic(observation)).reshape(shape)
+            values = _to_numpy(self._critic(observation)).reshape(shape)
+            cost_values = _to_numpy(self._cost_critic(observation)).reshape(shape)
         valid = rollout.valid
         ends = (rollout.terminated, valid, config.gamma, config.lam)
         estimate = advantages(rollout.reward, values, *ends)[valid]
         cost_estimate = advantages(rollout.cost, cost_values, *ends)[valid]
         advantage = (estimate - estimate.mean()) / (estimate.std() + 1e-8)
         if config.lagrangian:
-            # The cost's advantage keeps its scale: a rare cost must not be blown up to the size
-            # of the reward.
+            # Not normalised: that would inflate a rare cost to the scale of the reward.
             penalty = cost_estimate - cost_estimate.mean()
             advantage = (advantage - self.multiplier * penalty) / (1.0 + self.multiplier)
         action = torch.from_numpy(rollout.action[valid])
         targets = estimate + values[:-1][valid], cost_estimate + cost_values[:-1][valid]
-        return TrainingData(
+        return _TrainingData(
             observation.reshape(*shape, -1)[:-1][torch.from_numpy(valid).to(self._device)],
             action.to(self._device),
             *(
@@ -303,15 +489,15 @@ class PPOLagrangian:
         return torch.from_numpy(x.reshape(-1, x.shape[-1]))
 
     def save(self, path: Path | str, **companions: Any) -> None:
-        """Write all that an exact continuation needs, replacing the file in a single move.
+        """Write everything that an exact continuation needs, replacing the file atomically.
 
         Args:
             path: the file.
-            **companions: what the caller needs besides to continue, such as the state of its
-                world: nested mappings and lists of numbers, texts and arrays.
+            **companions: what else the caller needs to continue, such as the state of its world:
+                nested mappings and lists of numbers, texts and arrays.
 
         Raises:
-            OccError: it cannot be written; the file before stays.
+            ConfigurationError: it cannot be written; the previous file stays.
         """
         write_checkpoint(path, {'learner': self._state(), 'companions': companions})
 
@@ -327,7 +513,7 @@ class PPOLagrangian:
             **changes: settings that replace those of the checkpoint, such as ``device``.
 
         Raises:
-            OccError: no such file, or not a checkpoint.
+            DataError: no such file, or not a checkpoint.
         """
         return cls.load_all(path, **changes)[0]
 
@@ -349,14 +535,19 @@ class PPOLagrangian:
             )
             learner._restore(state)
             return learner, with_arrays(document['companions'])
-        except (ArithmeticError, AttributeError, LookupError, MemoryError) as err:
-            raise _damaged(path, err) from err
-        except (TypeError, ValueError, RuntimeError) as err:
-            raise _damaged(path, err) from err
+        except OccError:
+            raise
+        except (
+            *(ArithmeticError, AttributeError, LookupError, MemoryError),
+            *(TypeError, ValueError, RuntimeError),
+        ) as error:
+            raise DataError(
+                f'checkpoint {path} is damaged ({type(error).__name__}: {describe(error)}); '
+                'allowed is what a training has saved'
+            ) from error
 
     def _state(self) -> dict[str, Any]:
         """Return everything as nested plain values, arrays and tensors."""
-        rollout, episodes = self._rollout, self._episodes
         state: dict[str, Any] = {
             'config': asdict(self.config),
             'columns': list(self.columns),
@@ -372,7 +563,8 @@ class PPOLagrangian:
             'normaliser': vars(self._normaliser),
             'stream': None,
         }
-        if rollout is not None:
+        if self._rollout is not None:
+            rollout, episodes = self._buffers()
             state['stream'] = {
                 'robots': len(episodes.whole),
                 # Right after an update this is next to nothing.
@@ -384,7 +576,7 @@ class PPOLagrangian:
         return state
 
     def _restore(self, state: dict[str, Any]) -> None:
-        """Take over everything but the settings from a checkpoint's content."""
+        """Restore everything but the settings from a checkpoint."""
         self.steps, self.updates = state['steps'], state['updates']
         self._steps_then = self.steps
         if state['metrics'] is not None:
@@ -399,16 +591,17 @@ class PPOLagrangian:
         if stream is None:
             return
         self._allocate(stream['robots'])
-        self._rollout.restore(stream['rollout'])
-        self._episodes.restore(stream['episodes'])
+        rollout, episodes = self._buffers()
+        rollout.restore(stream['rollout'])
+        episodes.restore(stream['episodes'])
         self._open, self._last_done = stream['open'], stream['last_done']
 
 
 def _check_sizes(hidden: Sequence[int], state: dict[str, Any]) -> None:
-    """Refuse hidden layers of which the checkpoint does not hold the weights.
+    """Refuse hidden layers whose weights the checkpoint does not hold.
 
     Raises:
-        ValueError: a few bytes ask for networks that would fill the memory.
+        ValueError: a small file describes networks that would fill the memory.
     """
     k, a = len(state['columns']), len(state['action_columns'])
     widths = (k, *hidden, a)
@@ -416,10 +609,3 @@ def _check_sizes(hidden: Sequence[int], state: dict[str, Any]) -> None:
     held = sum(tensor.untyped_storage().nbytes() for tensor in state['networks'].values())
     if 4 * asked > held:
         raise ValueError(f'hidden layers {hidden} take {4 * asked} bytes, and it holds {held}')
-
-
-def _damaged(path: Path | str, error: Exception) -> OccError:
-    return ConfigurationError(
-        f'checkpoint {path} is damaged ({type(error).__name__}: {describe(error)}); allowed is '
-        'what a training has saved'
-    )

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""What a learner remembers of a stream with next-step autoreset, and the estimates made of it."""
+"""Rollouts of a stream with next-step autoreset, and the estimates computed from them."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from occ_constraints_pkg.worlds.stream import StepBatch
 def checked_cost(
     batch: StepBatch, cost: np.ndarray, robots: int | None, columns: int
 ) -> np.ndarray:
-    """Return the cost as (N,) float64, or refuse the step.
+    """Return the cost as (N,) float64 after checking the step.
 
     Args:
         batch: the states reached.
-        cost: what they cost.
-        robots: the number of robots N; ``None`` if any will do.
+        cost: their cost.
+        robots: the number of robots N; ``None`` for any.
         columns: number of columns of the observation.
 
     Raises:
-        OccError: a shape is wrong or a number is not finite.
+        DataError: a shape is wrong or a number is not finite.
     """
     cost = np.asarray(cost, dtype=np.float64)
     shape = batch.observation.shape
@@ -58,9 +58,8 @@ def advantages(
     """Generalised advantage estimates over a rollout of a stream with next-step autoreset.
 
     Transition t leads from state t to state t + 1. One that starts at the last state of an episode
-    is not valid: its estimate is 0, which also stops the sum that runs backwards through time, so
-    an episode cut by its time limit is continued by the value of its last state, and a terminated
-    one by 0.
+    is not valid: its estimate is 0, which also ends the backward sum. A truncated episode is thus
+    bootstrapped with the value of its last state, and a terminated one with 0.
 
     Args:
         signal: (T, N) reward or cost of each transition.
@@ -81,7 +80,7 @@ def advantages(
 
 
 class Rollout:
-    """T transitions of N robots, and the T + 1 states that they connect.
+    """T transitions of N robots, and the T + 1 states between them.
 
     Attributes:
         filled: transitions completed so far.
@@ -103,13 +102,13 @@ class Rollout:
         self.valid = np.zeros((steps, robots), bool)
 
     def state(self, rows: int) -> dict[str, Any]:
-        """Return all that is needed to go on, not copied; only the first rows are in use."""
+        """Return everything needed to continue, not copied; only the first rows are in use."""
         return {
             name: value if name == 'filled' else value[:rows] for name, value in vars(self).items()
         }
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Go on where a rollout of the same size was when it returned ``state``."""
+        """Continue where a rollout of the same size was when it returned ``state``."""
         for name, value in vars(self).items():
             if name != 'filled':
                 value[: len(state[name])] = state[name]
@@ -123,8 +122,8 @@ class Episodes:
         finished: episodes finished.
         recent: return, cost and length of the last ``window`` of them.
         sums: (N, 3) the same of each running episode.
-        whole: (N,) bool, the running episode was seen from its first state on. Others are not
-            counted when they finish: their sums are too small.
+        whole: (N,) bool, the running episode was seen from its first state. Others are not counted
+            when they finish, as their sums are incomplete.
     """
 
     def __init__(self, robots: int, window: int) -> None:
@@ -146,11 +145,11 @@ class Episodes:
             self.whole |= ended
 
     def state(self) -> dict[str, Any]:
-        """Return all that is needed to go on, not copied."""
+        """Return everything needed to continue, not copied."""
         return vars(self) | {'recent': [list(sums) for sums in self.recent]}
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Go on where the episodes were when they returned ``state``."""
+        """Continue where the episodes were when they returned ``state``."""
         self.recent.extend(map(tuple, state['recent']))
         self.finished, self.sums, self.whole = state['finished'], state['sums'], state['whole']
 
@@ -176,7 +175,7 @@ class Normaliser:
         self.variance = np.ones(k)
 
     def fold(self, rows: np.ndarray) -> None:
-        """Take in more rows, (..., k)."""
+        """Add rows, (..., k)."""
         rows = rows.reshape(-1, rows.shape[-1]).astype(np.float64)
         n, mean, variance = len(rows), rows.mean(axis=0), rows.var(axis=0)
         total, shift = self.count + n, mean - self.mean
@@ -190,7 +189,7 @@ class Normaliser:
     def floored_variance(self) -> np.ndarray:
         """(k,) the variance, at least 1e-4.
 
-        A sensor that has hardly moved yet must not be blown up to the clip bound by its first
-        twitch.
+        Otherwise the first small change of an almost constant sensor would be scaled to the clip
+        bound.
         """
         return np.maximum(self.variance, 1e-4)

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Costs from a rule set, computed in the learner's own process."""
+"""Costs from a rule set, computed in the process of the learner."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class RuleCost:
     """Judges each state of a world by learned rules, as the monitor does over topics.
 
     Attributes:
-        constraints: the rules, with the counters that they came with.
+        constraints: the rules, with their original counters.
         counts: how often each rule was evaluated and violated here.
 
     Args:
@@ -26,7 +26,7 @@ class RuleCost:
         world: the world, or its class.
 
     Raises:
-        OccError: a feature is not a column of the observation.
+        ConfigurationError: a feature is not a column of the observation.
     """
 
     def __init__(self, constraints: Constraints, world: World | type[World]) -> None:
@@ -44,7 +44,7 @@ class RuleCost:
                 )
         self.constraints = constraints
         self._rule_set = constraints.rule_set
-        self._places = [names.index(source.column) for source in feature_map.features]
+        self._places = [names.index(str(source.column)) for source in feature_map.features]
         self.counts = RuleCounts(self._rule_set)
 
     def __call__(self, batch: StepBatch) -> np.ndarray:
@@ -54,7 +54,7 @@ class RuleCost:
         return judgement.cost
 
     def features(self, observation: np.ndarray) -> np.ndarray:
-        """Return the (N, features) columns that the rules speak of, in their order.
+        """Return the (N, features) columns that the rules use, in their order.
 
         Args:
             observation: (N, k) with the world's columns.
@@ -62,5 +62,5 @@ class RuleCost:
         return observation[:, self._places]
 
     def counted(self) -> Constraints:
-        """Return the constraints with the counters of this source, for pruning."""
+        """Return the constraints with the counters of this cost source, for pruning."""
         return self.constraints.with_rule_set(self._rule_set.with_counts(self.counts))

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""A training in one process from settings to files: what ``occ train`` does."""
+"""A training in one process, from settings to files, as in ``occ train``."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ from occ_constraints_pkg.worlds.registry import make_world, world_class
 if TYPE_CHECKING:
     from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian
 
-DEMONSTRATIONS = 'demonstrations'
+_DEMONSTRATIONS = 'demonstrations'
 
 
 @dataclass(frozen=True)
 class RunSettings:
-    """What a training is made from.
+    """The settings of a training.
 
     Attributes:
         world: name of the world.
-        cost: ``true`` for the world's own cost, ``none`` for unconstrained training, else a
+        cost: ``true`` for the cost of the world, ``none`` for unconstrained training, else a
             constraints file.
         cost_limit: allowed mean cost per episode, or ``demonstrations``: see :func:`cost_limit`.
-        steps: robot steps after which it ends; enough for one update.
+        steps: robot steps after which it ends; at least one update.
         robots: robots simulated at once.
         seed: of the world, of weights, exploration and minibatches.
         device: where updates are computed, ``cpu`` or ``cuda``.
@@ -56,12 +56,12 @@ class RunSettings:
 
 @dataclass(frozen=True)
 class RunResult:
-    """How a training stood when it ended.
+    """The state of a training at its end.
 
     Attributes:
         learner: the learner.
-        cost_limit: the limit in numbers.
-        history: the metrics of all updates, those before a resumption included.
+        cost_limit: the limit as a number.
+        history: the metrics of all updates, including those before a resumption.
     """
 
     learner: PPOLagrangian
@@ -70,17 +70,17 @@ class RunResult:
 
 
 def cost_limit(given: float | str, constraints: Constraints | None) -> float:
-    """Return the allowed mean cost per episode in numbers.
+    """Return the allowed mean cost per episode as a number.
 
     Args:
-        given: a number, or ``demonstrations`` for the mean cost per episode that the
-            demonstrations themselves incur by the rules learned from them.
-        constraints: the rules that tell the cost; ``None`` for another cost.
+        given: a number, or ``demonstrations`` for the mean cost per episode of the demonstrations
+            under the rules learned from them.
+        constraints: the rules that define the cost; ``None`` for another cost.
 
     Raises:
-        OccError: ``demonstrations`` without rules, or with a file that does not tell their cost.
+        ConfigurationError: ``demonstrations`` without rules, or with a file without their cost.
     """
-    if given != DEMONSTRATIONS:
+    if given != _DEMONSTRATIONS:
         return float(given)
     if constraints is None:
         raise ConfigurationError(
@@ -97,12 +97,12 @@ def cost_limit(given: float | str, constraints: Constraints | None) -> float:
 
 
 def check(settings: RunSettings) -> float:
-    """Refuse settings that no training could begin with; return the cost limit in numbers.
+    """Refuse settings that no training could start with; return the cost limit as a number.
 
     Raises:
-        OccError: a setting is wrong.
+        ConfigurationError: a setting is wrong.
     """
-    from occ_constraints_pkg.agents.networks import torch_device
+    from occ_constraints_pkg.agents.ppo_lagrangian import torch_device
 
     torch_device(settings.device)
     kind = world_class(settings.world)
@@ -126,14 +126,14 @@ def run(
     Args:
         settings: what to train.
         output: directory for policy, metrics, checkpoint and counted rules.
-        resume: go on from the checkpoint there, if there is one, exactly as if the training had
-            not been interrupted; ``steps``, ``device`` and ``processes`` may be other ones.
+        resume: continue from the checkpoint there, if there is one, exactly as if the training had
+            not been interrupted; ``steps``, ``device`` and ``processes`` may differ.
         progress: called after each update.
-        is_stopped: asked before each step; ``True`` ends the training there, saved.
-        say: told what happens besides.
+        is_stopped: called before each step; ``True`` saves and ends the training.
+        say: called with messages for the user.
 
     Raises:
-        OccError: a setting is wrong, or the training cannot be resumed with these settings.
+        ConfigurationError: a setting is wrong, or does not fit the training to resume.
     """
     from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian
 
@@ -198,7 +198,7 @@ def _config(settings: RunSettings, constraints: Constraints | None) -> PPOLagran
 
 
 def _fixed(settings: RunSettings, constraints: Constraints | None, limit: float) -> dict[str, Any]:
-    """Return what a resumed training must agree with."""
+    """Return the settings that a resumed training must share."""
     fixed = {**asdict(settings), 'cost_limit': limit}
     for free in ('steps', 'device', 'processes'):
         del fixed[free]

@@ -1,10 +1,10 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Scripted drivers for the Safety-Gym tasks: they see what the observation says, and no more.
+"""Scripted drivers for the Safety-Gym tasks; they use nothing but the observation.
 
-A driver first finds where it wants to go in the frame of its body, as a complex number x + iy in
-m. Avoiders then turn that way aside from hazards. In the end the robot's own steering carries it
-out: a Point thrusts and turns, a Car drives two wheels.
+A driver first chooses a direction in its body frame, as a complex number x + iy in m. Avoiders then
+turn it away from hazards. Finally it is converted to the actions of the robot: a Point thrusts and
+turns, a Car drives two wheels.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ _FORWARD = {'Point': 1.0, 'Car': -1j}
 
 
 class Senses:
-    """What an observation (N, k) of one of the tasks says, in the frame of the body."""
+    """The parts of an observation (N, k) of one of the tasks, in the body frame."""
 
     def __init__(self, world: str, observation: np.ndarray) -> None:
         """Take the observation apart.
 
         Raises:
-            OccError: it has the wrong number of columns.
+            ConfigurationError: it has the wrong number of columns.
         """
-        robot, task = split_name(world)
+        robot, task = _split_name(world)
         width = _SENSORS[robot] + _BINS * len(_LIDARS[task])
         values = np.asarray(observation, dtype=np.float64)
         if values.ndim != 2 or values.shape[1] != width:
@@ -58,9 +58,9 @@ class Senses:
     def only(self, kind: str) -> np.ndarray:
         """Return where the only object of a kind is, (N,) complex in m.
 
-        The brightest bin tells its distance; the next bin's share of that brightness is how far
-        into the brightest bin it lies. One more than 3 m away is not seen; it is then taken to
-        lie 3 m away, in the middle of the hazards, which lie all over the floor.
+        The brightest bin gives its distance, and the ratio of the next bin its position within the
+        brightest bin. Beyond 3 m it is not seen; it is then assumed 3 m away, in the mean direction
+        of the hazards, which are spread all over the floor.
         """
         lidar = self.lidar(kind)
         rows = np.arange(len(lidar))
@@ -74,7 +74,7 @@ class Senses:
         return _LIDAR_REACH * (1 - strength) * np.exp(1j * bearing)
 
 
-def split_name(world: str) -> tuple[str, str]:
+def _split_name(world: str) -> tuple[str, str]:
     """Return the robot and the task of a world's name: ``CarGoal1`` is ``Car``, ``Goal1``."""
     robot = 'Car' if world.startswith('Car') else 'Point'
     return robot, world.removeprefix(robot)
@@ -122,12 +122,12 @@ def avoider(world: str) -> Callable[[np.ndarray], np.ndarray]:
 
 @dataclass(frozen=True)
 class _Habits:
-    """How a robot of some kind is driven.
+    """Driving parameters of a robot type.
 
     Attributes:
-        speed: in m/s where nothing is near.
-        foresight: its velocity is taken to carry it on for this long, in s.
-        width: how far it sticks out, in m.
+        speed: in m/s if nothing is near.
+        foresight: time that its position is extrapolated by, in s.
+        width: its half width, in m.
     """
 
     speed: float
@@ -138,26 +138,25 @@ class _Habits:
 _HABITS = {'Point': _Habits(0.8, 0.2, 0.17), 'Car': _Habits(0.7, 0.05, 0.22)}
 _BOX_HALF_SIZE = {'Point': 0.2, 'Car': 0.125}
 _PILLAR_RADIUS = 0.2
-# Ways to go, as turns from the straight one to the target, and the length in m to which they are
-# looked along.
+# Candidate directions, as rotations from the straight one to the target, and their length in m.
 _FAN = np.exp(1j * np.linspace(-np.pi, np.pi, 48, endpoint=False))
 _LOOK = 0.6
-# Room wanted beyond a hazard's radius, in m, and what lack of it counts against a turn of 1 rad,
-# along the way and at its end.
+# Desired clearance beyond the radius of a hazard, in m, and the penalty for less, relative to a
+# turn of 1 rad, along the way and at its end.
 _MARGIN, _LACK = 0.12, 30.0
-# It slows down with less room than this, in m, but not below this share of its speed.
+# It slows down below this clearance, in m, but not below this share of its speed.
 _SLOW_ROOM, _SLOWEST = 0.25, 0.3
-# Room left when it goes round the box, in m.
+# Clearance when it goes round the box, in m.
 _ROUND_BOX = 0.15
 _FAR_AWAY = 1e3
 
 
 class _Avoider:
-    """Chooses the way that turns least from the straight one and has enough room."""
+    """Chooses the direction with the smallest turn and enough clearance."""
 
     def __init__(self, world: str) -> None:
         self._world = world
-        self._robot, self._task = split_name(world)
+        self._robot, self._task = _split_name(world)
         self._habits = _HABITS[self._robot]
         self._steer = _steer_car if self._robot == 'Car' else _steer_point
 
@@ -175,7 +174,7 @@ class _Avoider:
     def _way(
         self, velocity: np.ndarray, target: np.ndarray, places: np.ndarray, radii: np.ndarray
     ) -> np.ndarray:
-        """Return the wanted velocity (N,): (N, P) ``places`` with (N, P) ``radii`` are kept off."""
+        """Return the desired velocity (N,), avoiding (N, P) ``places`` with (N, P) ``radii``."""
         ways = (target / np.maximum(np.abs(target), 1e-9))[:, None] * _FAN
         length = np.minimum(np.abs(target), _LOOK)[:, None, None]
         # Seen from where the robot will be, each way along the real axis.
@@ -192,13 +191,13 @@ class _Avoider:
     def _behind_box(
         self, senses: Senses, goal: np.ndarray
     ) -> tuple[np.ndarray, list[tuple[np.ndarray, np.ndarray]]]:
-        """Return where to go so that the box gets to the goal, and what stands in the way."""
+        """Return the target for pushing the box to the goal, and the obstacles."""
         half = _BOX_HALF_SIZE[self._robot]
-        # The columns at the edges of the box reach out half as far again.
+        # With the columns at its edges, the box is half as large again.
         reach = 1.5 * half
         box = senses.only('push_box')
         way = np.abs(goal - box)
-        # Any direction will do where the box stands on the goal.
+        # Any direction if the box is on the goal.
         ahead = np.divide(goal - box, way, out=np.ones_like(box), where=way > 0)
         # The robot seen from the box, the goal along the real axis.
         robot = -box / ahead
@@ -210,7 +209,7 @@ class _Avoider:
             box + ahead * (side * (reach + _ROUND_BOX) - half),
             box - ahead * (reach + _ROUND_BOX),
         )
-        # While it pushes it keeps to the line through box and goal.
+        # While pushing, it stays on the line through box and goal.
         target = np.where(push, ahead * (2 * half - 1.5j * robot.imag), target)
         pillars = _points(senses.lidar('pillars'))
         pillar_radius = _PILLAR_RADIUS + self._habits.width
@@ -223,7 +222,7 @@ class _Avoider:
 
 
 def _points(lidar: np.ndarray) -> np.ndarray:
-    """Return a point (N, 16) in m for each bin, far away where it sees nothing."""
+    """Return a point (N, 16) in m for each bin, far away if it sees nothing."""
     return np.where(lidar > 0, _LIDAR_REACH * (1 - lidar), _FAR_AWAY) * _CENTRES
 
 
@@ -235,7 +234,7 @@ def _steer_point(wanted: np.ndarray, velocity: np.ndarray) -> np.ndarray:
 
 
 def _steer_car(wanted: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-    """Return what the two wheels shall do to bring the velocity to the ``wanted`` one."""
+    """Return the wheel commands that bring the velocity to the ``wanted`` one."""
     wanted, velocity = wanted / _FORWARD['Car'], velocity / _FORWARD['Car']
     turn = np.angle(wanted)
     faster = np.clip(6.0 * (np.abs(wanted) - velocity.real), -1.0, 1.0)

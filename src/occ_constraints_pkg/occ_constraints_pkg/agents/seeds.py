@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""The same training with several seeds, spread over the cores as processes of their own."""
+"""The same training with several seeds, each in a process of its own."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.files import make_directory
 from occ_constraints_pkg.stopping import PARENT_VARIABLE, stop_request
 
-_LOOK_SECONDS = 0.5
+_POLL_SECONDS = 0.5
 _STOP_SECONDS = 30.0
 
 
@@ -41,7 +41,7 @@ def train_seeds(
         The directories, in the order of the seeds.
 
     Raises:
-        OccError: a training has ended with an error; the others are stopped, saved.
+        ConfigurationError: a training has ended with an error; the others are stopped, saved.
     """
     make_directory(output)
     found = sorted(item.name for item in output.iterdir())
@@ -51,8 +51,9 @@ def train_seeds(
             'new directory, an empty one, or that of earlier seeds'
         )
     directories = {seed: output / f'seed_{seed}' for seed in seeds}
-    waiting, running = list(seeds), {}
-    # One core each: processes of several worlds would only wait for one another.
+    waiting = list(seeds)
+    running: dict[int, subprocess.Popen[bytes]] = {}
+    # One core each: more processes per world would only compete.
     cores = len(os.sched_getaffinity(0))
     try:
         with stop_request.listening():
@@ -67,7 +68,7 @@ def train_seeds(
                     if process.returncode:
                         raise ConfigurationError(f'seed {seed}: {_last_words(directories[seed])}')
                 progress(_latest(directories))
-                time.sleep(_LOOK_SECONDS)
+                time.sleep(_POLL_SECONDS)
     finally:
         _stop(running.values())
     return list(directories.values())
@@ -100,7 +101,7 @@ def seeds_summary(
     return summary, [history for history in histories.values() if history]
 
 
-def _start(arguments: Sequence[str], seed: int, directory: Path) -> subprocess.Popen:
+def _start(arguments: Sequence[str], seed: int, directory: Path) -> subprocess.Popen[bytes]:
     make_directory(directory.parent)
     line = ['train', *arguments, '--seed', str(seed), '-o', str(directory), '--processes', '1']
     with _log(directory).open('wb') as log:
@@ -110,7 +111,7 @@ def _start(arguments: Sequence[str], seed: int, directory: Path) -> subprocess.P
             stderr=subprocess.STDOUT,
             stdin=subprocess.DEVNULL,
             env={**os.environ, PARENT_VARIABLE: str(os.getpid()), 'OPENBLAS_NUM_THREADS': '1'},
-            # Ctrl-C comes to all processes of the terminal; these are stopped from here.
+            # Ctrl-C goes to all processes of the terminal; these are stopped by this one.
             start_new_session=True,
         )
 
@@ -133,7 +134,7 @@ def _latest(directories: dict[int, Path]) -> dict[int, dict[str, Any]]:
 
 
 def _log(directory: Path) -> Path:
-    # Beside the directory, which a new training moves aside.
+    # Next to the directory, because a new training moves that aside.
     return directory.with_name(f'{directory.name}.log')
 
 

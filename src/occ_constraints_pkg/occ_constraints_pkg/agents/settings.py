@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""A learner's settings and what it reports, as values that need no torch."""
+"""Settings and metrics of the learner; importing them does not need torch."""
 
 from __future__ import annotations
 
@@ -28,25 +28,25 @@ class PPOLagrangianConfig:
         multiplier_gain: proportional part of the multiplier per unit of excess.
         multiplier_band: share of the cost limit that makes one unit of excess.
         rollout_steps: steps of each robot between updates.
-        passes: most passes over a rollout per update.
+        passes: maximum number of epochs over a rollout per update.
         minibatch: transitions per gradient step.
-        actor_lr: Adam's step size for the policy.
-        critic_lr: Adam's step size for both critics.
-        decay_steps: the step sizes of all networks fall linearly over this many robot steps, down
-            to a tenth of their first value; 0: they stay.
+        actor_lr: Adam's learning rate for the policy.
+        critic_lr: Adam's learning rate for both critics.
+        decay_steps: all learning rates fall linearly over this many robot steps, to a tenth of
+            their initial value; 0: they are constant.
         gamma: discount per step, of reward and cost alike.
         lam: GAE's lambda, of reward and cost alike.
         clip: bound on the change of the probability ratio.
-        target_kl: an update ends after the pass in which the mean divergence of the new policy
-            from the old exceeds this.
-        max_grad_norm: bound on the gradient's norm, for each network on its own.
+        target_kl: an update ends after the epoch in which the mean KL divergence of the new policy
+            from the old one exceeds this.
+        max_grad_norm: bound on the norm of the gradient, for each network separately.
         hidden: width of each hidden tanh layer, of all three networks.
         log_std_init: logarithm of the policy's initial standard deviation.
         observation_clip: bound on the normalised observation.
-        window: number of the last finished episodes over which means are taken.
+        window: number of the latest finished episodes that means are taken over.
         device: where updates are computed, ``cpu`` or ``cuda``; acting always uses the CPU.
-        threads: CPU threads of torch, for the whole process. One is fastest whenever anything else
-            wants the cores, for threads wait for one another at every small layer.
+        threads: CPU threads of torch, for the whole process. One is fastest whenever other
+            processes use the cores: threads wait for one another at every small layer.
     """
 
     lagrangian: bool = True
@@ -77,7 +77,7 @@ class PPOLagrangianConfig:
         """Refuse settings outside their range.
 
         Raises:
-            OccError: the first such setting.
+            ConfigurationError: the first such setting.
         """
         for name in (
             'cost_limit',
@@ -101,7 +101,7 @@ class PPOLagrangianConfig:
             self._require(name, getattr(self, name) > 0, 'above 0')
         for name in self.__dataclass_fields__:
             value = getattr(self, name)
-            # Any cost is allowed by a limit without end; nothing can be computed with the others.
+            # An infinite limit allows any cost; the other settings must be finite.
             if isinstance(value, float) and name != 'cost_limit':
                 self._require(name, math.isfinite(value), 'a finite number')
         # Beyond, actions overflow.
@@ -113,7 +113,7 @@ class PPOLagrangianConfig:
         self._require('hidden', widths, 'whole numbers of 1 or more')
 
     def check_steps(self, name: str, steps: int, robots: int) -> None:
-        """Refuse a training that would end before its first update.
+        """Refuse a training that would end before the first update.
 
         Args:
             name: what the caller's users call the number of steps.
@@ -121,12 +121,12 @@ class PPOLagrangianConfig:
             robots: robots that make them.
 
         Raises:
-            OccError: these are fewer than one rollout.
+            ConfigurationError: these are fewer than one rollout.
         """
         least = self.rollout_steps * robots
         if steps < least:
             raise ConfigurationError(
-                f'{name} is {steps}, which ends a training before its first update; allowed is '
+                f'{name} is {steps}, which ends training before the first update; allowed is '
                 f'{least} or more: rollout_steps {self.rollout_steps} x robots {robots}'
             )
 
@@ -141,14 +141,14 @@ def learner_settings(values: Mapping[str, Any]) -> PPOLagrangianConfig:
     """Return the defaults with some settings changed.
 
     Args:
-        values: settings by name; a whole number will do for one with a decimal point, and a list
-            for the widths.
+        values: settings by name; whole numbers are accepted for floats, lists for tuples.
 
     Raises:
-        OccError: there is no such setting, or its value has another type or is out of range.
+        ConfigurationError: there is no such setting, or its value has another type or is out of
+            range.
     """
-    allowed = {item.name: item.default for item in fields(PPOLagrangianConfig)}
-    changed = {}
+    allowed: dict[str, Any] = {item.name: item.default for item in fields(PPOLagrangianConfig)}
+    changed: dict[str, Any] = {}
     for name, value in values.items():
         if name not in allowed:
             hint = did_you_mean(name, allowed) or ';'
@@ -170,7 +170,7 @@ def learner_settings(values: Mapping[str, Any]) -> PPOLagrangianConfig:
 
 @dataclass(frozen=True)
 class TrainingMetrics:
-    """How training stood after an update; a mean over no episodes at all is NaN.
+    """State of training after an update; a mean over no episodes is NaN.
 
     Attributes:
         steps: transitions learned from, summed over robots.
@@ -181,12 +181,12 @@ class TrainingMetrics:
         mean_length: their mean number of steps.
         cost_rate: mean cost per step in the rollout just learned from.
         multiplier: the Lagrange multiplier used.
-        kl: mean divergence of the new policy from the old, measured during the last pass.
-        passes: passes made before it was reached.
+        kl: mean KL divergence of the new policy from the old one, over the last epoch.
+        passes: epochs run in this update.
         entropy: of the policy, in nats.
-        policy_loss: mean over the last pass.
-        value_loss: mean squared error of the reward critic over the last pass.
-        cost_value_loss: mean squared error of the cost critic over the last pass.
+        policy_loss: mean over the last epoch.
+        value_loss: mean squared error of the reward critic over the last epoch.
+        cost_value_loss: mean squared error of the cost critic over the last epoch.
         steps_per_s: transitions per second of wall time since the update before.
         update_s: seconds that this update took.
     """
@@ -209,5 +209,5 @@ class TrainingMetrics:
     update_s: float
 
     def as_dict(self) -> dict[str, float]:
-        """Return the metrics by name, in the order above."""
+        """Return the metrics by name, in this order."""
         return asdict(self)

@@ -15,7 +15,7 @@ import numpy as np
 
 from occ_constraints_pkg.agents.rule_cost import RuleCost
 from occ_constraints_pkg.archives import describe
-from occ_constraints_pkg.errors import ConfigurationError
+from occ_constraints_pkg.errors import ConfigurationError, DataError, OccError
 from occ_constraints_pkg.files import (
     ARCHIVE,
     CONSTRAINTS,
@@ -36,22 +36,22 @@ if TYPE_CHECKING:
     from occ_constraints_pkg.agents.settings import TrainingMetrics
 
 _SAVE_SECONDS = 10.0
-# Of metrics, a line of some 300 bytes for each update.
+# Limit of the metrics file, which has a line of some 300 bytes for each update.
 _METRICS_BYTES = 64 << 20
 
 
 class CostSource(Protocol):
-    """Whatever says what the states just reached cost: any callable of this form will do."""
+    """A callable that returns the cost of the states just reached."""
 
     def __call__(self, batch: StepBatch) -> np.ndarray:
         """Return the cost of each robot's state, (N,) finite, 0 or 1.
 
-        Called once per step, in order, so that a source may keep what it needs of earlier steps.
+        Called once per step, in order, so a source may depend on earlier steps.
         """
 
 
 class TrueCost:
-    """The world's own cost, which no learned rule sees: the baseline called *expert*."""
+    """The cost of the world, not of learned rules: the baseline called *expert*."""
 
     def __call__(self, batch: StepBatch) -> np.ndarray:
         """Return ``batch.true_cost``."""
@@ -74,24 +74,25 @@ def train(
     """Train until the learner has seen ``total_steps``, or for ``seconds``, whichever is first.
 
     Args:
-        world: starts new episodes at once; what the learner had half open is forgotten.
-        learner: continues from where it is, so its steps count from its own beginning.
-        cost_source: tells the cost of each state reached.
+        world: starts new episodes; an open transition of the learner is dropped.
+        learner: continues from its present state; its steps count from its creation.
+        cost_source: returns the cost of each state reached.
         seed: of the world's generators.
         total_steps: robot steps, summed over robots, since the learner was made.
         seconds: wall time of this call.
         progress: called after each update.
-        directory: takes the metrics of each update, and policy and checkpoint from time to time
-            and at the end.
-        resumed: what :meth:`TrainingDirectory.resume` returned beside the learner: the world and
-            the counters of the rules go on from there instead, and nothing is forgotten.
-        is_stopped: asked before each step; ``True`` ends the training there.
+        directory: receives the metrics of each update, and policy and checkpoint periodically and
+            at the end.
+        resumed: the companions from :meth:`TrainingDirectory.resume`: the world and the rule
+            counters continue from there, and no transition is dropped.
+        is_stopped: called before each step; ``True`` ends the training.
 
     Returns:
         The metrics of each update made here.
 
     Raises:
-        OccError: no end was given, or the learner belongs to another world.
+        ConfigurationError: no end was given, or the learner belongs to another world.
+        DataError: the checkpoint that was resumed is damaged.
     """
     if total_steps is None and seconds is None:
         raise ConfigurationError(
@@ -108,8 +109,10 @@ def train(
             if isinstance(cost_source, RuleCost):
                 cost_source.counts.evaluated[:] = resumed['counts']['evaluated']
                 cost_source.counts.violated[:] = resumed['counts']['violated']
+        except OccError:
+            raise
         except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
-            raise ConfigurationError(
+            raise DataError(
                 f'the checkpoint is damaged: what it says of the world cannot be used '
                 f'({type(error).__name__}: {describe(error)}); allowed is what a training has saved'
             ) from error
@@ -122,6 +125,7 @@ def train(
         updated = learner.updates > before
         batch = stream.step(action)
         if updated:
+            assert learner.metrics is not None
             history.append(learner.metrics)
             if directory is not None:
                 directory.add(learner)
@@ -135,15 +139,15 @@ def train(
 
 
 class TrainingDirectory:
-    """Where a training leaves its metrics, policy, checkpoint and a summary.
+    """The directory of a training: metrics, policy, checkpoint and a summary.
 
-    An earlier training in the same place is moved aside, not overwritten. Policy and checkpoint
-    are due after the first update and then every 10 s, so that a crash costs no more than that.
-    From :meth:`begin` or :meth:`resume` on no other training may begin there.
+    An earlier training there is moved aside, not overwritten. Policy and checkpoint are saved after
+    the first update and then every 10 s, so that a crash costs no more than that. :meth:`begin` and
+    :meth:`resume` lock the directory against other trainings.
 
     Args:
-        path: the directory; made if it is not there.
-        settings: what the caller made world and learner from; kept in the checkpoint.
+        path: the directory; created if it does not exist.
+        settings: the settings of world and learner; stored in the checkpoint.
 
     Raises:
         OccError: it cannot be written to.
@@ -163,8 +167,8 @@ class TrainingDirectory:
         """Make room for a new training; return where an earlier one has been moved, if any.
 
         Raises:
-            OccError: another training is writing there, the directory cannot be moved, or it
-                holds something else than a training.
+            ConfigurationError: another training is writing there, or the directory holds something
+                else.
         """
         self._claim()
         self.check_begin()
@@ -179,7 +183,7 @@ class TrainingDirectory:
         """Refuse to begin among files that are not a training's.
 
         Raises:
-            OccError: there are some and no training is there.
+            ConfigurationError: there are some and no training is there.
         """
         found = sorted(item.name for item in self.path.iterdir())
         if found and self._METRICS not in found:
@@ -192,7 +196,7 @@ class TrainingDirectory:
         """Refuse to write any of its files over one that is read.
 
         Raises:
-            OccError: one of the inputs is in this directory, by whatever name or link.
+            ConfigurationError: one of the inputs is in this directory, by whatever name or link.
         """
         kinds = {
             self._RULES: CONSTRAINTS,
@@ -201,13 +205,13 @@ class TrainingDirectory:
             'policy.npz': ARCHIVE,
             'summary.json': RESULTS,
         }
-        check_outputs({self.path / name: kind for name, kind in kinds.items()}, inputs)
+        check_outputs(((self.path / name, kind) for name, kind in kinds.items()), inputs)
 
     def check_world(self, learner: PPOLagrangian, world: str) -> None:
         """Refuse to go on in another world than the one that was trained in.
 
         Raises:
-            OccError: the learner belongs to another world, which may well have the same columns.
+            ConfigurationError: the learner belongs to another world (possibly with equal columns).
         """
         if learner.world_name != world:
             raise ConfigurationError(
@@ -216,19 +220,19 @@ class TrainingDirectory:
             )
 
     def _claim(self) -> None:
-        # Given up first, for it may be the same one.
+        # Released first, because it may be the same directory.
         self._lock = None
         self._lock = DirectoryLock(self.path)
 
     @property
     def has_checkpoint(self) -> bool:
-        """Whether there is something to resume."""
+        """Whether there is a checkpoint to resume."""
         return (self.path / self._CHECKPOINT).exists()
 
     def resume(self, **changes: Any) -> tuple[PPOLagrangian, dict[str, Any]]:
-        """Read the checkpoint, and cut the metrics back to it.
+        """Read the checkpoint, and truncate the metrics to it.
 
-        Updates made between the checkpoint and a crash are made again, so their lines go.
+        Updates between the checkpoint and a crash are repeated, so their lines are removed.
 
         Args:
             **changes: settings of the learner that replace those of the checkpoint.
@@ -247,7 +251,7 @@ class TrainingDirectory:
         learner, companions = PPOLagrangian.load_all(self.path / self._CHECKPOINT, **changes)
         settings = companions.get('settings') if isinstance(companions, dict) else None
         if not isinstance(settings, dict):
-            raise ConfigurationError(
+            raise DataError(
                 f'{self.path / self._CHECKPOINT} is damaged: it tells no settings; allowed is what '
                 'a training has saved'
             )
@@ -263,19 +267,20 @@ class TrainingDirectory:
         return learner, companions
 
     def history(self) -> list[dict[str, Any]]:
-        """Return the metrics of all updates; a line cut short by a crash is left out.
+        """Return the metrics of all updates; a line truncated by a crash is left out.
 
         Raises:
-            OccError: the file cannot be read.
+            DataError: the file cannot be read.
         """
         return read_metrics(self.path / self._METRICS)
 
     def add(self, learner: PPOLagrangian) -> None:
-        """Note the metrics of the update just made.
+        """Append the metrics of the latest update.
 
         Raises:
             OccError: the file cannot be written.
         """
+        assert learner.metrics is not None
         line = {
             name: value if math.isfinite(value) else None
             for name, value in learner.metrics.as_dict().items()
@@ -285,7 +290,7 @@ class TrainingDirectory:
             with log.open('a', encoding='utf-8') as file:
                 file.write(json.dumps(line) + '\n')
         except OSError as error:
-            raise ConfigurationError(f'cannot write {log}: {error.strerror}') from error
+            raise OccError(f'cannot write {log}: {error.strerror}') from error
 
     @property
     def is_due(self) -> bool:
@@ -302,12 +307,12 @@ class TrainingDirectory:
 
         Args:
             learner: what to save.
-            stream: where its world stands; it has been given all but the last batch. ``None``
-                where the world lives elsewhere.
-            cost_source: what told the costs.
+            stream: the state of its world; the learner has all but the last batch. ``None`` if the
+                world is in another process.
+            cost_source: the source of the costs.
 
         Raises:
-            OccError: a file cannot be written; the ones before stay.
+            OccError: a file cannot be written; the previous ones stay.
         """
         if not learner.updates:
             return
@@ -317,7 +322,7 @@ class TrainingDirectory:
         if isinstance(cost_source, RuleCost):
             counts = cost_source.counts
             companions['counts'] = {'evaluated': counts.evaluated, 'violated': counts.violated}
-            # What a person changes there meanwhile is kept beside.
+            # A copy of a file that was edited meanwhile is kept.
             save_derived(cost_source.counted(), self.path / self._RULES, overwrite=True)
         learner.policy().save(self.path / 'policy.npz')
         learner.save(self.path / self._CHECKPOINT, **companions)
@@ -327,12 +332,12 @@ class TrainingDirectory:
 
 
 def read_metrics(path: Path) -> list[dict[str, Any]]:
-    """Return the lines of a metrics file; one cut short by a crash is left out.
+    """Return the lines of a metrics file; one truncated by a crash is left out.
 
     Raises:
-        OccError: the file cannot be read, or is damaged elsewhere.
+        DataError: the file cannot be read, or is damaged elsewhere.
     """
-    # What follows the last newline was being written.
+    # Whatever follows the last newline is incomplete.
     complete = read_bytes(path, _METRICS_BYTES).split(b'\n')[:-1] if path.exists() else []
     lines = []
     for number, text in enumerate(complete, start=1):
@@ -343,7 +348,7 @@ def read_metrics(path: Path) -> list[dict[str, Any]]:
         except (ValueError, RecursionError):
             line = None
         if not (isinstance(line, dict) and type(line.get('updates')) is int):
-            raise ConfigurationError(
+            raise DataError(
                 f'{path} is damaged: allowed is one JSON object for each update, with the number '
                 f'"updates", but line {number} is {_shortened(text)}'
             )

@@ -28,13 +28,12 @@ from occ_constraints_pkg.cli.common import (
 from occ_constraints_pkg.errors import ConfigurationError, import_needed
 from occ_constraints_pkg.features.lateness import MAX_LAG_SECONDS
 from occ_constraints_pkg.files import C_HEADER, CONSTRAINTS, PICTURE, check_outputs, write_text
-from occ_constraints_pkg.learning.evidence_text import describe_why, why_document
+from occ_constraints_pkg.learning.evidence import describe_why, why_document
 from occ_constraints_pkg.learning.rules_text import (
     describe_file,
     describe_rules,
     file_document,
 )
-from occ_constraints_pkg.learning.scoring_text import describe_score, score_document
 from occ_constraints_pkg.rules.forecast import WINDOW_SECONDS
 from occ_constraints_pkg.terminal import printable
 from occ_constraints_pkg.traffic.rules_text import rule_rows, rules_table
@@ -208,7 +207,7 @@ def score(constraints: str, paths: tuple[str, ...], min_f1: float | None, as_jso
     \b
     Example: occ score constraints.yaml bags/drive_7 --min-f1 0.9
     """
-    from occ_constraints_pkg.learning.scoring import score_rules
+    from occ_constraints_pkg.learning.scoring import describe_score, score_document, score_rules
     from occ_constraints_pkg.rules.constraints_file import load_constraints
 
     loaded = load_constraints(constraints)
@@ -253,7 +252,7 @@ def prune(
     """
     from occ_constraints_pkg.learning.pruning import prune as prune_rules
     from occ_constraints_pkg.rules.constraints_file import load_constraints, save_derived
-    from occ_constraints_pkg.rules.kept_counts import read_counts
+    from occ_constraints_pkg.rules.persistent_counts import read_counts
 
     if output is not None:
         check_outputs({output: CONSTRAINTS}, [constraints, *([counts] if counts else [])])
@@ -271,7 +270,7 @@ def prune(
                 'output': target,
                 'pruned': result.pruned,
                 # The name is from a time before this project used the words of the field.
-                'untried': result.untried,
+                'untried': result.not_evaluated,
                 'kept': [result.rule_set.rules[i].id for i in result.rule_set.order],
             }
         )

@@ -12,7 +12,7 @@ import numpy as np
 
 from occ_constraints_pkg.datasets.dataset import Dataset
 from occ_constraints_pkg.learning.learn import grow
-from occ_constraints_pkg.learning.samples import LEAST_EPISODES_TO_HOLD_OUT, families, is_usable
+from occ_constraints_pkg.learning.samples import LEAST_EPISODES_TO_HOLD_OUT, families
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.rules.space import FeatureSpace
 from occ_constraints_pkg.wording import count_of
@@ -35,7 +35,7 @@ def concerns(data: Dataset, space: FeatureSpace, settings: OCTreeSettings) -> It
         space: its features.
         settings: how is learned from it.
     """
-    rows = data.values[is_usable(data.values, space)]
+    rows = data.values[space.knows(data.values)]
     yield from _of_cost(data, settings)
     yield from _of_amount(data, len(rows))
     yield from _of_families(space, settings)

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Unions of boxes: the same region with fewer boxes and fewer literals."""
+"""Simplification of a union of boxes: the same region with fewer boxes and literals."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ import numpy as np
 from occ_constraints_pkg.rules.rule import Literal, Rule
 from occ_constraints_pkg.rules.space import FeatureSpace
 
-# Rounds of merging and dropping. Each ends sound; learned rule sets need three or four.
+# Rounds of merging and dropping; learned rule sets need three or four.
 _MOST_ROUNDS = 50
 _LARGEST = np.finfo(np.float64).max
 
 
 @dataclass
 class Box:
-    """A conjunction of literals while it is simplified: at most one for each end of a feature.
+    """A conjunction of literals during simplification, at most one per side of a feature.
 
     Attributes:
         sources: positions of the rules it stands for, in ascending order.
-        ends: by (feature, is it the upper end) the literal that states it; absent where the
-            physical bounds do.
-        fixed: whether it must stay as it is.
+        ends: by (feature, is upper end) the literal that bounds it; absent where the physical
+            bound does.
+        fixed: whether it must not change.
     """
 
     sources: list[int]
@@ -36,21 +36,20 @@ class Box:
 
     @classmethod
     def of(cls, rule: Rule, position: int, *, fixed: bool) -> Box:
-        """Return the box of a rule; of several literals for one end, the tightest counts."""
+        """Return the box of a rule; of several literals for one end, the tightest."""
         ends = {(item.feature, item.is_upper): item for item in rule.tightest_literals}
         return cls([position], ends, fixed)
 
     @property
     def features(self) -> set[int]:
-        """The features that it states anything about."""
+        """The features that it bounds."""
         return {feature for feature, _ in self.ends}
 
 
 def simplify_boxes(space: FeatureSpace, boxes: Sequence[Box]) -> list[Box]:
     """Return fewer boxes with fewer literals and, within the physical bounds, the same union.
 
-    The boxes that change are those given, not copies. Fixed boxes that hold no possible value are
-    left out too.
+    The given boxes are modified. Fixed boxes that hold no possible value are left out too.
 
     Args:
         space: the features, with their physical bounds.
@@ -60,15 +59,15 @@ def simplify_boxes(space: FeatureSpace, boxes: Sequence[Box]) -> list[Box]:
 
 
 def _touch(low: float, high: float) -> bool:
-    """Tell whether no number lies between what ends at ``high`` and what begins at ``low``."""
+    """Return whether no number lies between an end at ``high`` and a beginning at ``low``."""
     return low <= math.nextafter(high, math.inf)
 
 
 class _Steps:
     """The boxes, and the steps that keep their union.
 
-    A step may rely on the union of all boxes, since none changes it: boxes grow within it, and go
-    only when another one contains them.
+    Every step keeps the union: boxes grow within it, and are removed only if another one contains
+    them.
     """
 
     def __init__(self, space: FeatureSpace, boxes: list[Box]) -> None:
@@ -81,13 +80,13 @@ class _Steps:
         self._drop_vacuous()
         everywhere = [box for box in self.boxes if not box.features]
         if everywhere:
-            # Such a rule contains all others; a fixed one cannot go, so it comes first.
+            # Such a rule contains all others; a fixed one must stay, so it is preferred.
             first = min(everywhere, key=lambda box: not box.fixed)
             return [box for box in self.boxes if box.fixed or box is first]
         for _ in range(_MOST_ROUNDS):
             self.changed = False
-            lines = self._merge_lines()
-            self._heed_lines(lines)
+            intervals = self._merge_single_feature()
+            self._apply_intervals(intervals)
             self._remove_contained()
             self._merge_boxes()
             self._drop_covered()
@@ -110,7 +109,7 @@ class _Steps:
             self.changed = True
 
     def _drop(self, box: Box, end: tuple[int, bool]) -> None:
-        """Drop a literal, unless it is the last: a rule states something."""
+        """Drop a literal, unless it is the last: a rule has at least one."""
         if len(box.ends) > 1:
             del box.ends[end]
             self.changed = True
@@ -118,8 +117,7 @@ class _Steps:
     def _drop_vacuous(self) -> None:
         """Drop literals that always hold, and boxes that hold no possible value.
 
-        A fixed box loses them only here, not in its rule: what it covers counts. A fixed one that
-        is never true covers nothing; it comes back with its rule.
+        The rule of a fixed box keeps them; only what the box covers matters here.
         """
         never = []
         for box in self.boxes:
@@ -137,7 +135,7 @@ class _Steps:
                     del box.ends[feature, is_upper]
         self._remove(never)
 
-    def _merge_lines(self) -> dict[int, list[tuple[float, float]]]:
+    def _merge_single_feature(self) -> dict[int, list[tuple[float, float]]]:
         """Merge boxes of one and the same feature; return the connected intervals of each."""
         groups: dict[int, list[Box]] = {}
         for box in self.boxes:
@@ -167,7 +165,7 @@ class _Steps:
         yield low, high, members
 
     def _join(self, feature: int, low: float, high: float, members: list[Box]) -> list[Box]:
-        """Make one box of the free members of a connected interval; return those that go."""
+        """Merge the free members of a connected interval; return those to remove."""
         inside = [
             box
             for box in members
@@ -185,7 +183,7 @@ class _Steps:
             highest = max(free, key=lambda box: self._high(box, feature))
             ends[feature, True] = highest.ends[feature, True]
         if not ends:
-            # All is flagged already, and one rule cannot say so without a literal.
+            # Every value is flagged, which one rule cannot express without a literal.
             for box in free:
                 others = (item for item in free if item is not box and item not in inside)
                 if any(self._lies_in(box, other, feature) for other in others):
@@ -194,7 +192,7 @@ class _Steps:
         return inside + self._become_one(free, ends)
 
     def _lies_in(self, box: Box, other: Box, feature: int) -> bool:
-        """Tell whether boxes of this feature alone lie one in the other."""
+        """Return whether one of two boxes of this feature alone lies in the other."""
         return self._low(other, feature) <= self._low(box, feature) and self._high(
             other, feature
         ) >= self._high(box, feature)
@@ -209,8 +207,8 @@ class _Steps:
             self.changed = True
         return others
 
-    def _heed_lines(self, lines: dict[int, list[tuple[float, float]]]) -> None:
-        """Use that boxes of one feature flag whole intervals, whatever the other features are."""
+    def _apply_intervals(self, lines: dict[int, list[tuple[float, float]]]) -> None:
+        """Use that boxes of a single feature flag whole intervals of it."""
         gone = []
         for box in self.boxes:
             features = box.features
@@ -235,7 +233,7 @@ class _Steps:
         alive = np.ones(len(free), dtype=bool)
         for row, box in enumerate(table.boxes):
             if alive[row]:
-                # What has no literal in this place cannot lie inside a box that has one.
+                # A box without a literal at this end cannot lie inside a box that has one.
                 others = np.flatnonzero(alive & free & ((~table.marks & table.marks[row]) == 0))
                 inside = others != row
                 for column in map(table.place.get, box.features):
@@ -258,7 +256,7 @@ class _Steps:
             rest = np.arange(len(table.place)) != column
             alike = keys[1:] == keys[:-1]
             for pair in np.flatnonzero(alike):
-                # Two keys may be equal by chance.
+                # Keys of different boxes may collide.
                 one, other = rows[pair], rows[pair + 1]
                 alike[pair] = np.array_equal(
                     table.low[one, rest], table.low[other, rest]
@@ -273,13 +271,13 @@ class _Steps:
                     end += 1
                 if end > start + 1:
                     gone += self._join_alike(feature, [table.boxes[row] for row in rows[start:end]])
-                    # The table does not know the new box; the next round does.
+                    # The new box is not in the table; the next round sees it.
                     free[rows[start:end]] = False
                 start = end
         self._remove(gone)
 
     def _join_alike(self, feature: int, boxes: list[Box]) -> list[Box]:
-        """Make one box of boxes that touch in a feature, the lowest first; return those that go."""
+        """Merge boxes that touch in a feature, the lowest first; return those to remove."""
         lowest, highest = boxes[0], max(boxes, key=lambda box: self._high(box, feature))
         ends = {end: item for end, item in lowest.ends.items() if end[0] != feature}
         for end, box in (((feature, False), lowest), ((feature, True), highest)):
@@ -288,7 +286,7 @@ class _Steps:
         return self._become_one(boxes, ends)
 
     def _drop_covered(self) -> None:
-        """Drop a literal of each box where another box contains all that is gained."""
+        """Drop a literal of each box if another box contains everything that it gains."""
         table = _Table(self)
         ends = [
             (row, end) for row, box in enumerate(table.boxes) if not box.fixed for end in box.ends
@@ -297,7 +295,7 @@ class _Steps:
             return
         owner = np.array([row for row, _ in ends])
         columns = np.array([table.place[feature] for _, (feature, _) in ends])
-        # The interval of that feature that the box gains; in the others, gain and box are alike.
+        # The interval of that feature that the box gains; in the others, gain and box are equal.
         gain = np.array([self._gain(table.boxes[row], *end) for row, end in ends])
         marks = table.marks[owner]
         marks &= ~np.array([table.mark(*end) for _, end in ends])
@@ -313,7 +311,7 @@ class _Steps:
                 inside &= (low >= table.low[row, column]) & (high <= table.high[row, column])
             covered[places[inside]] = True
         found = np.flatnonzero(covered)
-        # One literal of a box at a time: two at once would gain the corner between them too.
+        # One literal of a box at a time: two at once would also gain the corner between them.
         for row, first in zip(*np.unique(owner[found], return_index=True), strict=True):
             self._drop(table.boxes[row], ends[found[first]][1])
 
@@ -328,11 +326,11 @@ class _Table:
 
     Attributes:
         boxes: the m boxes.
-        place: the column of each of the c features that they state.
+        place: the column of each of the c features that they bound.
         low: (m, c) first values inside.
         high: (m, c) last values inside.
-        marks: (m,) uint64, a bit set for each end that a box states. Ends share bits where there
-            are more than 64, so a bit that is not set is certain.
+        marks: (m,) uint64, one bit per end of a box. With more than 64 ends bits are shared, so
+            only a bit that is not set is conclusive.
     """
 
     def __init__(self, owner: _Steps) -> None:
@@ -352,7 +350,7 @@ class _Table:
         return np.uint64(1 << (2 * self.place[feature] + is_upper) % 64)
 
     def codes(self) -> np.ndarray:
-        """(m, c) uint64: equal in a column where the intervals are; their sum names a box."""
+        """(m, c) uint64 hashes of intervals; their sum over columns is a hash of the box."""
         weights = np.random.default_rng(0).integers(2**63, size=(2, len(self.place)))
         codes = np.zeros(self.low.shape, dtype=np.uint64)
         for column in range(len(self.place)):

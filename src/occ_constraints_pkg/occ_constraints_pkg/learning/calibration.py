@@ -1,14 +1,14 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""The false-alarm promise: bounds moved outward until fresh safe episodes raise no alarm.
+"""The false-alarm guarantee: bounds moved outward until fresh safe episodes rarely raise an alarm.
 
 Split conformal prediction on whole episodes, in its nested form (V. Vovk, A. Gammerman, G. Shafer,
 "Algorithmic Learning in a Random World", 2005; C. Gupta, A. K. Kuchibhotla, A. Ramdas, Pattern
-Recognition 127, 2022). Samples of one episode depend on each other, so an episode counts as one.
-The larger the tolerance, the larger the safe set; an episode's score is the tolerance from which
-on all its samples are safe. Of n episodes that nothing was learned from and a fresh one like them,
-each is as likely to have the k-th smallest score, so the fresh one exceeds the k-th smallest of
-the n with probability at most 1 - k / (n + 1).
+Recognition 127, 2022). Samples of one episode are dependent, so the unit is the episode. The larger
+the tolerance, the larger the safe set; the score of an episode is the smallest tolerance at which
+all its samples are safe. Given n episodes that nothing was learned from, and a fresh one like them,
+each is equally likely to have the k-th smallest score, so the fresh one exceeds the k-th smallest
+of the n with probability at most 1 - k / (n + 1).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from occ_constraints_pkg.learning.guarantee import CONFIDENCE, Calibration
 from occ_constraints_pkg.learning.tree import Node
 from occ_constraints_pkg.rules.space import FeatureSpace
 
-# What the margin grows by first where rounding leaves a sample outside.
+# First increment of the margin if rounding leaves a sample outside.
 _LEAST_STEP = 1e-18
 _LARGEST = np.finfo(np.float64).max
 
@@ -37,7 +37,7 @@ class SafeSet:
     Attributes:
         tree: the tree.
         box: (k, 2) smallest and largest safe value of each feature.
-        scale: (k,) unit of the margin in each feature; it stays when bounds move.
+        scale: (k,) unit of the margin in each feature; does not change when bounds move.
         limits: (k, 2) physical bounds, infinite where there is none.
     """
 
@@ -49,10 +49,9 @@ class SafeSet:
     def moved(self, margin: float) -> SafeSet:
         """Return the safe set with all its bounds moved outward.
 
-        A bound goes no further than the physical limit and, between two branches, no further than
-        the middle of the gap, where both meet. So a larger margin always gives a larger set, and
-        every state in it is at most that far from the safe set as learned; where the tree has no
-        gap, it is all states within the physical limits that are.
+        A bound stops at the physical limit and, between two branches, in the middle of the gap. So
+        a larger margin always gives a larger set, and every state in it is at most that far from
+        the learned safe set; if the tree has no gap, it holds all such states within the limits.
 
         Args:
             margin: at least 0, in parts of each feature's scale.
@@ -71,7 +70,7 @@ class SafeSet:
         return inside & self.tree.contains(rows)
 
     def tolerances(self, rows: np.ndarray) -> np.ndarray:
-        """Return the margin from which on each of (n, k) rows is inside, but for rounding: (n,)."""
+        """Return (n,) the margins at which each of (n, k) rows is just inside, but for rounding."""
         with np.errstate(over='ignore'):
             outside = np.maximum(self.box[:, 0] - rows, rows - self.box[:, 1]) / self.scale
         worst = np.maximum(outside.max(axis=1, initial=0.0), 0.0)
@@ -96,7 +95,7 @@ def episodes_needed(false_alarm: float) -> int:
     """Return how many episodes must be held out for a stated probability of a false alarm.
 
     Raises:
-        OccError: it is not a number above 0 and below 1.
+        ConfigurationError: it is not a number above 0 and below 1.
     """
     return math.ceil(1 / _exact(false_alarm)) - 1
 
@@ -104,7 +103,7 @@ def episodes_needed(false_alarm: float) -> int:
 def calibrate(
     safe_set: SafeSet, rows: np.ndarray, episodes: np.ndarray, false_alarm: float
 ) -> tuple[SafeSet, Calibration]:
-    """Move the bounds of a safe set outward until a promise on false alarms holds.
+    """Move the bounds of a safe set outward until a bound on false alarms is guaranteed.
 
     Args:
         safe_set: as learned, from other episodes than these.
@@ -113,10 +112,10 @@ def calibrate(
         false_alarm: the largest probability that a fresh safe episode has a violation.
 
     Returns:
-        The moved safe set, and what it promises (rules that vanish are not known here).
+        The moved safe set, and the guarantee (without the rules that were dropped).
 
     Raises:
-        OccError: the probability is not above 0 and below 1, or there are too few episodes.
+        ConfigurationError: the probability is not within 0 to 1, or there are too few episodes.
     """
     names, places = np.unique(episodes, return_inverse=True)
     count, needed = len(names), episodes_needed(false_alarm)
@@ -133,7 +132,7 @@ def calibrate(
     alarms_before = _alarms(safe_set, rows, places, count)
     moved, alarms_after = safe_set, alarms_before
     extra = max(np.spacing(margin), _LEAST_STEP)
-    # What rounding of the moved bounds left outside is let in by the next larger margins.
+    # Rounding of the moved bounds may leave samples outside; slightly larger margins include them.
     while alarms_after > count - rank:
         moved = safe_set.moved(margin)
         alarms_after = _alarms(moved, rows, places, count)
@@ -159,7 +158,7 @@ def space_limits(space: FeatureSpace) -> np.ndarray:
 
 
 def _exact(false_alarm: float) -> Fraction:
-    """Return the number as it was written: 0.1 is a tenth, not the float next to it."""
+    """Return the decimal number as written: 0.1 is a tenth, not the nearest float."""
     if not (isinstance(false_alarm, int | float) and 0.0 < false_alarm < 1.0):
         raise ConfigurationError(
             f'false_alarm is {false_alarm!r}; allowed is a number above 0 and below 1'
@@ -168,7 +167,7 @@ def _exact(false_alarm: float) -> Fraction:
 
 
 def least_false_alarm(count: int) -> str:
-    """Return the smallest probability that so many episodes allow, rounded up to four digits."""
+    """Return the smallest probability that ``count`` episodes allow, rounded up to four digits."""
     return f'{math.ceil(10_000 / (count + 1)) / 10_000:g}'
 
 
@@ -180,11 +179,11 @@ def _alarms(safe_set: SafeSet, rows: np.ndarray, places: np.ndarray, count: int)
 
 
 def _middles(node: Node) -> list[float]:
-    """Return where the cells of a node's branches end, all but the last, inclusive."""
+    """Return the inclusive upper ends of the cells of a node's branches, except the last."""
     middles = []
     for left, right in zip(node.branches[:-1], node.branches[1:], strict=True):
         middle = left.high / 2.0 + right.low / 2.0
-        # Rounding must not hand a branch what is its neighbour's.
+        # Rounding must not move a value into the cell of a neighbour.
         middles.append(min(max(middle, left.high), math.nextafter(right.low, -math.inf)))
     return middles
 

@@ -16,7 +16,7 @@ from scipy.ndimage import gaussian_filter1d
 # data whose range exceeds two thousand bandwidths, where the smoothing is then by cells instead.
 _CELLS_PER_BANDWIDTH = 8
 _SMALLEST_GRID, _LARGEST_GRID = 256, 16384
-# Bandwidths of empty space on either side: there the density has fallen to nothing.
+# Bandwidths of padding on either side, where the density has fallen to 0.
 _PADDING = 4.0
 
 
@@ -56,14 +56,14 @@ def bandwidth(ordered: np.ndarray) -> float:
     extent = ordered[-1] - ordered[0]
     # Over their range, no squares of very large or small values overflow or vanish.
     spread = (ordered / extent).std(ddof=1) * extent
-    low, high = sorted_quantile(ordered, 0.25), sorted_quantile(ordered, 0.75)
+    low, high = _sorted_quantile(ordered, 0.25), _sorted_quantile(ordered, 0.75)
     if high > low:
         spread = min(spread, (high - low) / 1.34)
     return float(0.9 * spread * len(ordered) ** -0.2)
 
 
-def sorted_quantile(ordered: np.ndarray, share: float) -> float:
-    """Return a quantile of ascending values, linear between samples, without sorting again."""
+def _sorted_quantile(ordered: np.ndarray, share: float) -> float:
+    """Return a quantile of ascending values, linear between samples."""
     place = share * (len(ordered) - 1)
     below = int(place)
     above = min(below + 1, len(ordered) - 1)
@@ -73,12 +73,12 @@ def sorted_quantile(ordered: np.ndarray, share: float) -> float:
 def estimate(ordered: np.ndarray, h: float | None = None) -> Density:
     """Estimate the density of (n,) ascending values, not all equal, by a Gaussian kernel (p. 9).
 
-    The samples are shared out linearly between neighbouring cells of a grid, which is then
-    convolved with the kernel: time grows with n only through the counting.
+    Samples are distributed linearly over neighbouring grid points, and the grid is convolved with
+    the kernel: only the counting depends on n.
 
     Args:
         ordered: the values.
-        h: their :func:`bandwidth`, when it is known already.
+        h: their :func:`bandwidth`, if already known.
     """
     h = bandwidth(ordered) if h is None else h
     low, high = ordered[0] - _PADDING * h, ordered[-1] + _PADDING * h
@@ -86,18 +86,18 @@ def estimate(ordered: np.ndarray, h: float | None = None) -> Density:
     size = int(min(max(wanted, _SMALLEST_GRID), _LARGEST_GRID))
     grid = np.linspace(low, high, size)
     step = grid[1] - grid[0]
-    mass = _shared_out((ordered - low) / step, size)
-    # Under a tenth of a cell the kernel is one cell wide; its exact width must only not vanish.
+    mass = _distribute((ordered - low) / step, size)
+    # Below a tenth of a cell the kernel is one cell wide; sigma must only stay above 0.
     sigma = max(h / step, 0.1)
     smooth = gaussian_filter1d(mass, sigma, mode='constant', truncate=_PADDING)
     return Density(grid, smooth * (h / step / len(ordered)), h)
 
 
-def _shared_out(places: np.ndarray, size: int) -> np.ndarray:
-    """Share ascending places, in cells from 0 to size - 1, out between the grid points beside them.
+def _distribute(places: np.ndarray, size: int) -> np.ndarray:
+    """Distribute ascending positions, in cells from 0 to size - 1, over the adjacent grid points.
 
-    A sample at 3.2 gives 0.8 to point 3 and 0.2 to point 4. Because the places ascend, running
-    sums at the cells' borders are all that is needed.
+    A sample at 3.2 adds 0.8 to point 3 and 0.2 to point 4. Since positions ascend, cumulative sums
+    at the cell borders suffice.
     """
     borders = np.searchsorted(places, np.arange(1, size - 1))
     ends = np.concatenate(([0], borders, [len(places)]))
@@ -107,5 +107,5 @@ def _shared_out(places: np.ndarray, size: int) -> np.ndarray:
     mass = np.zeros(size)
     mass[:-1] = counts - to_right
     mass[1:] += to_right
-    # Rounding of the sums may leave a hair's breadth below nothing.
+    # Rounding may leave tiny negative numbers.
     return np.maximum(mass, 0.0)

@@ -1,11 +1,13 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""What each level of the tree adds: the rules of all depths from one tree."""
+"""Comparison of tree depths: the rules of every depth from one tree."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +26,7 @@ class DepthResult:
 
     Attributes:
         depth: levels of splits; 0 is the smallest and largest demonstrated values alone.
-        rule_set: its rules, which are those that learning with this depth limit gives.
+        rule_set: its rules, the same as learning with this depth limit gives.
         rules: number of rules.
         literals: number of their literals.
         training: share of the training samples inside the safe set.
@@ -51,7 +53,7 @@ def ablate_depth(
     truth: tuple[np.ndarray, np.ndarray] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[DepthResult]:
-    """Grow the tree once and return what it gives when it is cut at each level.
+    """Grow the tree once and return the rules that it gives when cut at each level.
 
     Safe sets are nested: a deeper one lies within a shallower one.
 
@@ -65,7 +67,7 @@ def ablate_depth(
         progress: called with (depths done, depths in all).
 
     Raises:
-        OccError: there is no usable sample, or none has a true cost.
+        DataError: there is no usable sample, or none has a true cost.
     """
     samples = divide_samples(values, episodes, space, rng=rng)
     demonstrated = samples.demonstrated(space, settings)
@@ -94,3 +96,46 @@ def ablate_depth(
         if progress is not None:
             progress(depth + 1, deepest + 1)
     return results
+
+
+def describe_depths(results: Sequence[DepthResult]) -> str:
+    """Return one line of text for each depth."""
+    scored = results[0].score is not None
+    lines = [
+        f'{"depth":>5} {"rules":>6} {"literals":>9} {"training":>9} {"held out":>9}'
+        + (f' {"precision":>10} {"recall":>7} {"F1":>6}' if scored else '')
+    ]
+    for item in results:
+        line = f'{item.depth:>5} {item.rules:>6} {item.literals:>9} {item.training:>9.4f}'
+        line += f' {"none" if item.held_out is None else f"{item.held_out:.4f}":>9}'
+        if item.score is not None:
+            line += f' {_ratio(item.score.precision):>10} {_ratio(item.score.recall):>7}'
+            line += f' {_ratio(item.score.f1):>6}'
+        lines.append(line)
+    return '\n'.join(lines)
+
+
+def depths_document(results: Sequence[DepthResult]) -> list[dict[str, Any]]:
+    """Return one mapping for each depth, ready for JSON."""
+    return [
+        {
+            'depth': item.depth,
+            'rules': item.rules,
+            'literals': item.literals,
+            'training': item.training,
+            'held_out': item.held_out,
+            **(
+                {}
+                if item.score is None
+                else {
+                    name: value if math.isfinite(value) else None
+                    for name, value in item.score.ratios().items()
+                }
+            ),
+        }
+        for item in results
+    ]
+
+
+def _ratio(value: float) -> str:
+    return f'{value:.3f}' if math.isfinite(value) else 'undef.'

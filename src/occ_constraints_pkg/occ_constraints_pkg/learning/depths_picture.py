@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 
@@ -62,7 +63,11 @@ def draw_depths(path: Path, results: Sequence[DepthResult]) -> None:
 
 
 def _draw(
-    axis: Axes, results: Sequence[DepthResult], numbers: Sequence[float], colour: str, label: str
+    axis: Axes,
+    results: Sequence[DepthResult],
+    numbers: Sequence[Any],
+    colour: str,
+    label: str,
 ) -> None:
     # Few levels are a likely result, and a single one has no line.
     axis.plot([item.depth for item in results], numbers, 'o-', color=colour, ms=4, label=label)

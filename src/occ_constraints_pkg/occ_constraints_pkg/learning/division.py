@@ -15,12 +15,11 @@ from scipy.signal import find_peaks
 from occ_constraints_pkg.learning.density import Density, bandwidth, estimate
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 
-# Attributes with larger values are left alone: a range or a bandwidth further out would overflow.
+# Attributes with larger values are not divided: their range or bandwidth could overflow.
 LARGEST = 1e300
-# Bandwidths must be as many times the distance of neighbouring floating-point numbers: a grid has
-# up to 32 cells per bandwidth.
+# Minimum bandwidth in units of the spacing of floats: a grid has up to 32 cells per bandwidth.
 _LEAST_RESOLUTION = 64
-# Steps between neighbouring values that are looked at in one go.
+# Steps between neighbouring values that are checked at once.
 _STEPS_AT_ONCE = 4096
 
 
@@ -105,12 +104,11 @@ def divide_family(
 
 
 def is_eligible(ordered: np.ndarray, h: float) -> bool:
-    """Tell whether an attribute may be divided (article, p. 12-14, rules 1 and 3).
+    """Return whether an attribute may be divided (article, p. 12-14, rules 1 and 3).
 
-    These are rules of local pre-pruning; rule 2 is kept by `octree`. Not when all values are
-    equal, and not when the bandwidth is below the smallest step between distinct values: then the
-    data are quantised and a density makes no sense. Far from 0 floating-point numbers themselves
-    are so.
+    These are rules of local pre-pruning; rule 2 is in `octree`. It is not eligible if all values
+    are equal, or if the bandwidth is below the smallest step between distinct values: the data are
+    then quantised and have no density. Far from 0, floats themselves are quantised.
 
     Args:
         ordered: (n,) ascending values.
@@ -118,7 +116,7 @@ def is_eligible(ordered: np.ndarray, h: float) -> bool:
     """
     if h < _LEAST_RESOLUTION * np.spacing(max(-ordered[0], ordered[-1])):
         return False
-    # One small enough step decides, and it is mostly among the first.
+    # One small step suffices, and it is usually among the first.
     for start in range(0, len(ordered) - 1, _STEPS_AT_ONCE):
         steps = np.diff(ordered[start : start + _STEPS_AT_ONCE + 1])
         if ((steps > 0) & (steps <= h)).any():
@@ -200,8 +198,8 @@ def impurity(
 ) -> float:
     """Return the proxy of the Gini impurity against uniform outliers (article, p. 12-13).
 
-    As many outliers as samples are thought to be spread evenly over the node's interval; each
-    part, target intervals and what lies between them alike, adds n n' / (n + n').
+    It assumes as many outliers as samples, uniform over the interval of the node; each part, target
+    intervals and the gaps between them alike, adds n n' / (n + n').
     """
     low, high = extent
     edges = np.concatenate(([low], intervals.ravel(), [high]))

@@ -30,10 +30,10 @@ except ModuleNotFoundError as error:
         """Stands in for scikit-learn's."""
 
     class BaseEstimator:  # type: ignore[no-redef]
-        """Stands in for scikit-learn's: says what is missing as soon as one is made."""
+        """Stands in for scikit-learn's; creating one raises an error that names what is missing."""
 
         def __new__(cls, *arguments: Any, **parameters: Any) -> BaseEstimator:
-            """Raise OccError."""
+            """Raise MissingDependencyError."""
             return import_needed(cls.__name__, 'sklearn.base')
 
 
@@ -41,27 +41,25 @@ _LARGEST = np.finfo(np.float64).max
 
 
 class OCTreeClassifier(OutlierMixin, BaseEstimator):
-    """Outlier detector whose decision can be read: a one-class tree, told as rules.
+    """Interpretable outlier detector: a one-class tree, written as rules.
 
-    It learns the boxes that the samples fill; what lies in none of them is an outlier. Like every
-    box it knows nothing of combinations: two features that are each within their range are an
-    inlier together unless the tree split one under the other. As learned, values beyond the
-    extremes of training are outliers, so a feature that was constant in training may not vary at
-    all. There are no physical bounds; for these, for episodes and for a complete constraints file
-    use :func:`occ_constraints_pkg.learning.learn.learn`.
+    It learns the boxes that the samples fill; whatever is in none of them is an outlier. A box
+    ignores combinations: two features that are each within their range are an inlier together,
+    unless the tree split one below the other. Values beyond the training extremes are outliers, so
+    a feature that was constant in training must stay constant. For physical bounds, episodes and a
+    complete constraints file use :func:`occ_constraints_pkg.learning.learn.learn`.
 
     Args:
-        contamination: ``'auto'`` for the rules just as they are learned (what ``learn`` gives for
-            the same samples and settings), with ``most_outside`` as the share that clipping may
-            leave outside. Or the share of the training samples, over 0 to 0.5, that shall be
-            outliers: the tree then clips by that share, and all bounds are moved by one margin
-            until so many lie outside, as near as samples with equal margins allow. Those that
-            bounds were learned from all have margin 0, and no bound moves where the aim falls
-            among them.
+        contamination: ``'auto'`` for the rules as learned (as ``learn`` does for the same samples
+            and settings), with ``most_outside`` as the share that clipping may leave outside. Or
+            the share of outliers among the training samples, above 0 and up to 0.5: the tree clips
+            by that share, and all bounds are then moved by one margin until that many samples are
+            outside, as closely as samples with equal margins allow. The samples that bounds were
+            learned from all have margin 0; no bound moves if the target falls among them.
         most_outside: for ``'auto'``: the ``contamination`` of :class:`OCTreeSettings`; ``None``
-            to estimate it as ``occ learn`` does, which without families of features finds samples
-            far out only. The default is a number because scikit-learn expects that a detector
-            finds outliers in any sample.
+            to estimate it as ``occ learn`` does, which finds only distant outliers if there are no
+            families of features. The default is a number because scikit-learn expects a detector
+            to find outliers in any sample.
         max_depth: this and the others: see :class:`OCTreeSettings`.
         clip: see there.
         gamma: see there.
@@ -169,8 +167,8 @@ class OCTreeClassifier(OutlierMixin, BaseEstimator):
     def decision_function(self, X: Any) -> np.ndarray:
         """Return the margin of (n, k) samples: (n,) float64, at least 0 for inliers only.
 
-        The margin is the one of :meth:`RuleSet.judge`. There, a violation on the very bound of a
-        rule has margin 0; here it has the largest negative number, for the sign is the decision.
+        The margin of :meth:`RuleSet.judge`, except that a violation exactly on a bound, which has
+        margin 0 there, gets the largest negative number: here the sign is the decision.
 
         Raises:
             ValueError: a value is not finite, or the samples are not of the features of ``fit``.
@@ -211,11 +209,11 @@ def _margins(rule_set: RuleSet, rows: np.ndarray) -> np.ndarray:
 
 
 def _offset(margins: np.ndarray, share: float) -> float:
-    """Return a margin that a share of (n,) margins is below, and none is close to.
+    """Return a margin with a share of (n,) margins below it, and none close to it.
 
-    As many as scikit-learn's own detectors leave below their percentile of the scores. Margins
-    that are equal stay together, inside; so does the margin 0 of the samples that bounds were
-    learned from, which a move would part by rounding.
+    As many as scikit-learn's detectors leave below their percentile of the scores. Equal margins
+    stay together, inside; so do the samples that bounds were learned from, with margin 0, which
+    rounding would separate if the bounds moved.
     """
     ordered = np.sort(margins)
     innermost = ordered[int(np.ceil(share * (len(ordered) - 1)))]
@@ -224,7 +222,7 @@ def _offset(margins: np.ndarray, share: float) -> float:
         return float(min(0.0, 2.0 * innermost))
     if below[-1] < 0.0 <= innermost:
         return 0.0
-    # Halfway, so that the rounding of moved bounds decides nothing.
+    # Halfway, so that rounding of the moved bounds does not matter.
     return float(below[-1] / 2.0 + innermost / 2.0)
 
 

@@ -1,24 +1,29 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Evidence: which demonstrations a bound rests on."""
+"""Evidence: which demonstrations a bound rests on, for the file, for people and for machines."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import numpy as np
 
+from occ_constraints_pkg.documents import did_you_mean
+from occ_constraints_pkg.errors import ConfigurationError
+from occ_constraints_pkg.rules.constraints_file import Constraints
 from occ_constraints_pkg.rules.rule import Literal, Rule
 from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.rules.space import FeatureSpace
+from occ_constraints_pkg.terminal import printable
 
-# How far from a bound, as a share of its feature's demonstrated range, a sample counts as near.
+# Distance to a bound, in parts of the demonstrated range, within which a sample counts as near.
 NEAR = 0.01
-# A longer formula goes without: nobody would read that much, and every program would have to.
+# Longer formulas have no evidence: nobody would read it, and every program would have to parse it.
 MOST_LITERALS = 2000
-# Samples that are named for each bound, each of another episode.
+# Samples listed per bound, each of another episode.
 _MOST_NAMED = 3
 
 
@@ -26,14 +31,14 @@ _MOST_NAMED = 3
 class LiteralEvidence:
     """The samples that hold a bound where it is.
 
-    These are the SAFE samples that would be violations without the literal: all other literals of
-    its rule are true on them. They keep the bound from moving inward.
+    These SAFE samples would be violations without the literal, because all other literals of its
+    rule are true on them. They keep the bound from moving inward.
 
     Attributes:
         near: how many lie within :data:`NEAR` of the bound.
         episodes: of how many episodes these are.
-        closest: (position, feature, value) of the closest, whether near or not, at most one of an
-            episode. The feature is another than the literal's where a family shares its bounds.
+        closest: (position, feature, value) of the closest, near or not, at most one per episode.
+            The feature differs from the literal's if a family shares its bounds.
     """
 
     near: int
@@ -43,11 +48,11 @@ class LiteralEvidence:
 
 @dataclass(frozen=True, eq=False)
 class RuleEvidence:
-    """What the demonstrations say of a rule.
+    """The evidence for a rule.
 
     Attributes:
         rule: the rule.
-        flagged: training samples on which it is true: they were taken for outliers.
+        flagged: training samples on which it is true, treated as outliers.
         literals: the evidence for each of its literals, in order.
     """
 
@@ -65,16 +70,16 @@ def gather_evidence(
 ) -> list[RuleEvidence]:
     """Find the evidence for all enabled rules.
 
-    Takes one pass over a feature's column for each different literal; for a literal in a rule of
-    several, and without a sample near, one more over its rule's other columns.
+    Takes one pass over the column for each distinct literal; if no sample is near, one more over
+    the other columns of its rule.
 
     Args:
         rule_set: the rules.
         rows: (n, k) finite samples that the rules were learned from.
         safe: (n,) bool, whether the verdict on each is SAFE.
         episodes: (n,) the episode of each.
-        families: positions of features that were given the same bounds. What holds one of these is
-            the member closest to it, whichever feature the literal is about.
+        families: positions of features with shared bounds; each bound is held by the member closest
+            to it, whichever feature the literal names.
     """
     members = {member: tuple(family) for family in families for member in family}
     rules = [rule_set.rules[index] for index in rule_set.order]
@@ -86,7 +91,7 @@ def gather_evidence(
     found: dict[tuple[str, Literal], LiteralEvidence] = {}
     group: tuple[tuple[int, ...], bool] = ((), False)
     values, features = np.empty(0), np.empty(0)
-    # In an order in which no more than one column has to be copied at a time.
+    # Sorted so that only one column has to be copied at a time.
     for literal in sorted(
         holders, key=lambda item: (members.get(item.feature, (item.feature,)), item.is_upper)
     ):
@@ -130,12 +135,12 @@ def evidence_document(
 ) -> dict[str, Any]:
     """Return evidence as plain values for the constraints file.
 
-    The formula tells later whether a rule is still the one that this is about.
+    The formula is stored to detect later edits of the rule.
 
     Args:
         evidence: of each rule.
         space: the features.
-        origin: for a position of a sample: where it came from; may be empty.
+        origin: maps the position of a sample to its source; may be empty.
     """
     names = space.names
     return {
@@ -200,3 +205,148 @@ def _closest(places: np.ndarray, away: np.ndarray, episodes: np.ndarray) -> list
         chosen.append(int(places[best]))
         away[episodes == episodes[best]] = np.inf
     return chosen
+
+
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+def why_document(constraints: Constraints, rule_id: str) -> dict[str, Any]:
+    """Return a rule and its evidence as plain values, ready for JSON.
+
+    Evidence refers to the learned bounds. If a bound of the rule was moved, or a literal added or
+    removed, other samples would be near, so there is no evidence and ``missing`` says why.
+
+    Args:
+        constraints: the file.
+        rule_id: the rule.
+
+    Raises:
+        ConfigurationError: there is no such rule.
+    """
+    space = constraints.rule_set.space
+    ids = [rule.id for rule in constraints.rule_set.rules]
+    if rule_id not in ids:
+        hint = did_you_mean(rule_id, ids) or '; occ show FILE prints the ids of all'
+        raise ConfigurationError(f'the constraints have no rule {rule_id!r}{hint}')
+    rule = constraints.rule_set.rules[ids.index(rule_id)]
+    document: dict[str, Any] = {
+        'id': rule.id,
+        'text': rule.words(space),
+        'formula': rule.formula(space),
+        'enabled': rule.enabled,
+        'note': rule.note,
+    }
+    texts = [literal.text(space) for literal in rule.literals]
+    learned = _learned(constraints, rule)
+    missing = _missing(constraints, rule, learned)
+    if missing or learned is None:
+        return {**document, 'missing': missing, 'literals': [{'text': text} for text in texts]}
+    return {
+        **document,
+        'missing': None,
+        'flagged': learned['flagged'],
+        'near': constraints.evidence['near'],
+        'literals': [
+            {
+                'text': text,
+                'near': item['near'],
+                'episodes': item['episodes'],
+                'closest': [_traced(constraints, sample) for sample in item['closest']],
+            }
+            for text, item in zip(texts, learned['literals'], strict=True)
+        ],
+    }
+
+
+def describe_why(document: Mapping[str, Any]) -> str:
+    """Return what :func:`why_document` gives as lines of text."""
+    lines = [f'{document["id"]}: {document["text"]}']
+    if document['note']:
+        lines[0] += f'   # {document["note"]}'
+    if document['missing']:
+        lines.append(f'no evidence: {document["missing"]}')
+        return '\n'.join(map(printable, lines))
+    lines.append(
+        f'training samples beyond its bounds, taken for outliers: {document["flagged"]}'
+        if document['flagged']
+        else 'no training sample lies beyond its bounds'
+    )
+    for literal in document['literals']:
+        lines.append(f'  {literal["text"]}: {_describe_support(literal, document["near"])}')
+        lines += [f'    {_describe_sample(sample)}' for sample in literal['closest']]
+    return '\n'.join(map(printable, lines))
+
+
+def _learned(constraints: Constraints, rule: Rule) -> Mapping[str, Any] | None:
+    """Return the stored evidence for the rule, None if there is none."""
+    items = constraints.evidence.get('rules', ())
+    return next((item for item in items if item['id'] == rule.id), None)
+
+
+def _missing(constraints: Constraints, rule: Rule, learned: Mapping[str, Any] | None) -> str | None:
+    """Return why there is no evidence for the rule as it is now, None if there is."""
+    if not constraints.evidence:
+        return (
+            'the file holds none; it was written by hand, by an earlier version, or with more than '
+            f'{MOST_LITERALS} literals'
+        )
+    if learned is None:
+        return 'the rule was not learned, but written by hand or made from others'
+    if learned['formula'] != rule.formula(constraints.rule_set.space):
+        return f'the rule was changed since it was learned, when it read {learned["formula"]}'
+    if len(learned['literals']) != len(rule.literals):
+        return 'the file does not have it for all literals of the rule'
+    return None
+
+
+def _traced(constraints: Constraints, sample: Mapping[str, Any]) -> dict[str, Any]:
+    """Add the name of the source, and times in seconds and as a date."""
+    found = {key: sample[key] for key in ('value', 'feature') if key in sample}
+    sources = constraints.provenance.get('bags', ())
+    if 0 <= sample.get('source', -1) < len(sources):
+        source = sources[sample['source']]
+        found.update(source=source.get('name'), sha256=source.get('sha256'))
+    if 'time_ns' in sample:
+        if constraints.feature_map is not None:
+            found['topic'] = constraints.feature_map.get('pace')
+        found['time_s'] = sample['time_ns'] / 1e9
+        found['time'] = _calendar(sample['time_ns'])
+        found['time_ns'] = sample['time_ns']
+    if 'row' in sample:
+        found['row'] = sample['row']
+    return found
+
+
+def _calendar(time_ns: int) -> str:
+    return (_EPOCH + timedelta(microseconds=time_ns // 1000)).isoformat(timespec='microseconds')
+
+
+def _describe_support(literal: Mapping[str, Any], near: float) -> str:
+    if not literal['closest']:
+        return 'no safe sample would be flagged without it'
+    within = f'within {near:.0%} of the demonstrated range'
+    count = (
+        f'safe samples {within}: {literal["near"]} (episodes: {literal["episodes"]})'
+        if literal['near']
+        else f'no safe sample {within}'
+    )
+    return f'{count}; closest, one per episode:'
+
+
+def _describe_sample(sample: Mapping[str, Any]) -> str:
+    text = f'{sample["value"]!r}'
+    text += f' ({sample["feature"]}, of the same family)' if 'feature' in sample else ''
+    if sample.get('source'):
+        text += f' in {sample["source"]}'
+    if 'time_ns' in sample:
+        text += f', {sample["topic"]}' if sample.get('topic') else ''
+        text += f' at {_seconds(sample["time_ns"])} s ({sample["time"]})'
+    if 'row' in sample:
+        text += f', row {sample["row"]}'
+    return text
+
+
+def _seconds(time_ns: int) -> str:
+    """Return seconds with all nine decimals, more than a float holds."""
+    seconds, rest = divmod(time_ns, 10**9)
+    return f'{seconds}.{rest:09d}'

@@ -15,7 +15,7 @@ from occ_constraints_pkg.rules.space import FeatureSpace
 
 
 class _Range(NamedTuple):
-    """What a path through the tree settles about one feature.
+    """What a path through the tree implies for one feature.
 
     Attributes:
         low: left bound of the path's interval.
@@ -41,11 +41,10 @@ def extract_rules(
     joins "outside branch 1" with "outside branch 2" by *or*, which for two branches is true
     everywhere.) Two rules per feature add the demonstrated minimum and maximum.
 
-    A branch's condition keeps only the bounds that tell it from its siblings. Below the first
-    branch and above the last one every sample is a violation already, so a deeper rule need not
-    exclude it: ``x > 2 or (x <= 2 and y > 3)`` is ``x > 2 or y > 3``. A chain of splits with one
-    branch each thus gives rules of one literal, and disabling one of them takes nothing away
-    from the others.
+    The condition of a branch has only the bounds that distinguish it from its siblings. Below the
+    first branch and above the last one every sample is a violation anyway, so a deeper rule need
+    not exclude it: ``x > 2 or (x <= 2 and y > 3)`` is ``x > 2 or y > 3``. A chain of splits with
+    one branch each thus gives rules of one literal, which can be disabled independently.
 
     Rules that can never be true within the physical bounds, or that a rule of one literal
     contains, are left out.
@@ -54,8 +53,8 @@ def extract_rules(
         root: the tree.
         space: the features, with their physical bounds.
         demonstrated: (k, 2) smallest and largest demonstrated values.
-        full_conditions: state both bounds of every branch, as the paper prints its rules. They
-            mean the same as long as none is disabled.
+        full_conditions: state both bounds of every branch, as the paper prints its rules;
+            equivalent as long as no rule is disabled.
 
     Returns:
         The rules in ascending number of literals.
@@ -69,7 +68,7 @@ def extract_rules(
         tuple(literal for literal in item if not literal.is_always_true(space))
         for item in _outside(root, {}, full_conditions)
     ]
-    # Literals that are not strict hold at the bounds of some branch, which samples attained.
+    # Non-strict literals hold at bounds of a branch, which are values of samples.
     single, longer = split_off_single(
         item
         for item in conjunctions
@@ -98,7 +97,7 @@ def _outside(node: Node, path: dict[int, _Range], full: bool) -> list[tuple[Lite
     if first.low > own.low:
         found.append((*given, *_at_least(feature, own.floor), Literal(feature, '<', first.low)))
     for left, right in zip(branches[:-1], branches[1:], strict=True):
-        # Half-open neighbours may be so close that no number lies between them.
+        # Half-open neighbours may be adjacent floats.
         if np.nextafter(left.high, np.inf) < right.low:
             gap = (Literal(feature, '>', left.high), Literal(feature, '<', right.low))
             found.append((*given, *gap))

@@ -31,7 +31,6 @@ from occ_constraints_pkg.learning.samples import (
     Samples,
     divide_samples,
     families,
-    is_usable,
 )
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.learning.simplification import Simplification, extract_and_simplify
@@ -60,9 +59,9 @@ def learn(
 ) -> Constraints:
     """Learn constraints from demonstrations.
 
-    Samples with a value that is not finite or outside its physical bounds are left out; they
-    could only be UNKNOWN at run time. A share of whole episodes is held out and only used to
-    state the coverage on episodes never seen.
+    Samples with a value that is not finite or outside its physical bounds are left out, because
+    they would be UNKNOWN at run time. A share of the episodes is held out to measure the coverage
+    on unseen ones.
 
     Args:
         values: (n, k) samples.
@@ -73,18 +72,18 @@ def learn(
         held_out_share: share of episodes to hold out when there are five or more.
         false_alarm: largest probability that a fresh safe episode has a violation; bounds are
             moved outward for that, see :mod:`~occ_constraints_pkg.learning.calibration`. ``None``
-            promises nothing and moves nothing.
+            guarantees nothing and moves nothing.
         safe_episodes: (m, k) samples and their (m,) episodes to calibrate on. ``None`` for the
-            held-out episodes, of which there are then as many as that takes, up to half of all.
+            held-out episodes, as many as needed, up to half of all.
         feature_map: document of the feature map, kept in the file.
         bags: name, sha256 and messages of each recording, kept in the file.
-        origin: for a position in ``values``: where that sample came from, for the evidence of
-            bounds; ``source`` is a position in ``bags``.
+        origin: maps a position in ``values`` to the source of that sample, for the evidence;
+            ``source`` is a position in ``bags``.
         progress: called with (level, leaves so far) after each level of the tree.
 
     Raises:
-        OccError: there is no usable sample, the share is not within 0 to 1, or there are too few
-            episodes for the stated probability.
+        DataError: there is no usable sample, or the share is not within 0 to 1.
+        ConfigurationError: there are too few episodes for the stated probability.
     """
     settings = settings if settings is not None else OCTreeSettings()
     needed = 0 if false_alarm is None or safe_episodes is not None else episodes_needed(false_alarm)
@@ -120,7 +119,7 @@ def learn(
         'held_out_episodes': samples.held_out_episodes,
         'held_out_samples': len(held_out),
         'held_out': float(np.mean(held_out_safe)) if len(held_out) else None,
-        # An unusable sample is UNKNOWN, which costs as much as a violation.
+        # An unusable sample is UNKNOWN, which costs the same as a violation.
         'cost_per_episode': int((~safe).sum() + (~held_out_safe).sum() + samples.unusable)
         / len(np.unique(episodes)),
     }
@@ -155,7 +154,7 @@ def learn(
 
 
 def _check_enough(false_alarm: float, needed: int, samples: Samples) -> None:
-    """Refuse too few held-out episodes in the numbers that the user knows, those given."""
+    """Refuse too few held-out episodes, in terms of the episodes that the user gave."""
     held_out = samples.held_out_episodes
     if held_out >= needed:
         return
@@ -178,22 +177,22 @@ def _calibrated(
     false_alarm: float,
     full_conditions: bool,
 ) -> tuple[Node, Simplification, dict[str, Any]]:
-    """Return tree and rules with their bounds moved outward, and what that promises."""
+    """Return tree and rules with their bounds moved outward, and the guarantee."""
     rule_set = formula.rule_set
     space, demonstrated = rule_set.space, rule_set.demonstrated
     rows, episodes = space.check_rows(safe_episodes[0]), np.asarray(safe_episodes[1])
-    usable = is_usable(rows, space)
+    usable = space.knows(rows)
     safe_set = SafeSet(tree, demonstrated, rule_set.scale, space_limits(space))
     moved, calibration = calibrate(safe_set, rows[usable], episodes[usable], false_alarm)
     if calibration.margin:
         wider = extract_and_simplify(moved.tree, space, moved.box, full_conditions=full_conditions)
-        # The demonstrated range is what it was, and with it the unit of the margin.
+        # The demonstrated range, the unit of the margin, does not change.
         formula = replace(wider, rule_set=replace(wider.rule_set, demonstrated=demonstrated))
     left = {rule.id for rule in formula.rule_set.rules}
-    vanished = tuple(
+    dropped = tuple(
         f'{rule.id}: {rule.words(space)}' for rule in rule_set.rules if rule.id not in left
     )
-    return moved.tree, formula, replace(calibration, vanished=vanished).document()
+    return moved.tree, formula, replace(calibration, vanished=dropped).document()
 
 
 def tree_document(node: Node, space: FeatureSpace) -> dict[str, Any]:
@@ -215,7 +214,7 @@ def grow(
     *,
     progress: Callable[[int, int], None] | None = None,
 ) -> Node:
-    """Return the tree that (n, k) usable samples of a feature space give."""
+    """Return the tree learned from (n, k) usable samples of a feature space."""
     limits = space_limits(space)
     return fit_safe_set(
         training, settings, families=space.families, limits=limits, progress=progress

@@ -56,26 +56,26 @@ def fit_tree(
     """Learn the region that the samples cover as a tree that may branch.
 
     Grows level by level, until no node can be divided or the depth limit is reached. Where nu is
-    set, the article's two conditions end growth earlier: :func:`oversteps` and
+    set, the article's two conditions end growth earlier: :func:`exceeds_nu` and
     :func:`is_stable`.
 
     Args:
         values: (n, k) finite samples.
         settings: the learner's parameters.
         families: positions of features that share their bounds, see
-            :func:`~occ_constraints_pkg.learning.trimming.trim`; only clipping by mass heeds them,
-            for the article knows no such thing. A family is divided in one level.
-        limits: (k, 2) physical bounds of the features; only clipping by mass heeds them. ``None``
-            for none.
+            :func:`~occ_constraints_pkg.learning.trimming.trim`; only for clipping by mass, as the
+            article has no families. A family is divided in one level.
+        limits: (k, 2) physical bounds of the features, only for clipping by mass; ``None`` for
+            none.
         progress: called with (level, leaves so far) after each level.
 
     Returns:
         The tree's root; a leaf when nothing could be divided.
 
     Raises:
-        OccError: no sample, or a value that is not finite.
+        DataError: no sample, or a value that is not finite.
     """
-    # Column by column, for that is how the samples are read.
+    # In column order, as the samples are read by column.
     samples = np.asfortranarray(checked_samples(values))
     deepest = DEEPEST if settings.max_depth is None else settings.max_depth
     by_mass = settings.clip == 'mass'
@@ -95,7 +95,7 @@ def fit_tree(
         leaves += [node for node in growing if not node.children]
         growing = [child for node in divided for child in node.children]
         covered_before, covered = covered, sum(len(node.rows) for node in leaves + growing)
-        if settings.nu is not None and oversteps(covered, len(samples), settings.nu):
+        if settings.nu is not None and exceeds_nu(covered, len(samples), settings.nu):
             for node in divided:
                 node.children = []
             break
@@ -107,8 +107,8 @@ def fit_tree(
     return root.freeze()
 
 
-def oversteps(covered: int, total: int, nu: float) -> bool:
-    """Tell whether a level leaves more than ``nu`` outside (article, global stop, p. 14).
+def exceeds_nu(covered: int, total: int, nu: float) -> bool:
+    """Return whether a level leaves more than ``nu`` outside (article, global stop, p. 14).
 
     The article does not say whether such a level is kept; :func:`fit_tree` undoes it.
 
@@ -121,10 +121,10 @@ def oversteps(covered: int, total: int, nu: float) -> bool:
 
 
 def is_stable(children: int, parents: int, covered: int, covered_before: int) -> bool:
-    """Tell whether a level changed nothing that counts (article, global stop, p. 14).
+    """Return whether a level changed nothing that matters (article, global stop, p. 14).
 
-    It has added no target node and has left as many training samples inside as before. The article
-    speaks of iterations; one is taken to be one level of splits over all nodes.
+    It added no target node and left as many training samples inside as before. What the article
+    calls an iteration is taken to be one level of splits over all nodes.
     """
     return children == parents and covered == covered_before
 
@@ -138,9 +138,9 @@ def _split(
 ) -> None:
     """Divide one node along what gives the purest parts, if anything is eligible.
 
-    An attribute that cut this target node before is blocked until a split into several target
-    nodes has come since (article, p. 12-14, local pre-pruning, rule 2). The smallest impurity
-    decides (p. 13).
+    An attribute that cut this target node before is blocked until a later split into several
+    target nodes (article, p. 12-14, local pre-pruning, rule 2). The smallest impurity wins
+    (p. 13).
     """
     if len(node.rows) < max(2.0, settings.min_split * total):
         return

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Pruning of rules that are rarely violated when they are tried (paper, "Refining")."""
+"""Pruning of rules that are rarely violated when they are evaluated (paper, "Refining")."""
 
 from __future__ import annotations
 
@@ -12,35 +12,37 @@ from occ_constraints_pkg.rules.ruleset import RuleSet
 
 @dataclass(frozen=True)
 class Pruning:
-    """What pruning did.
+    """The result of pruning.
 
     Attributes:
         rule_set: the same rules, the pruned ones disabled with the reason in their note.
         pruned: ids of the rules now disabled.
-        untried: ids of enabled rules that were never tried; there is no evidence against them,
-            so they stay.
+        not_evaluated: ids of enabled rules that were never evaluated; there is no evidence against
+            them, so they stay.
     """
 
     rule_set: RuleSet
     pruned: tuple[str, ...]
-    untried: tuple[str, ...]
+    not_evaluated: tuple[str, ...]
 
     @property
     def words(self) -> str:
         """How many rules were pruned and kept, in words."""
         text = f'pruned {len(self.pruned)} rules, kept {len(self.rule_set.order)}'
-        return text + (f', {len(self.untried)} of them never tried' if self.untried else '')
+        return text + (
+            f', {len(self.not_evaluated)} of them never evaluated' if self.not_evaluated else ''
+        )
 
 
 def prune(rule_set: RuleSet, threshold: float) -> Pruning:
     """Disable the rules whose share of violations among evaluations is below ``threshold``.
 
-    The counters are those the rules carry; they come from samples of a learner that seeks
-    reward, so a rule that is never violated guards a region nobody wants to visit.
+    Uses the counters of the rules. They come from a learner that maximises reward, so a rule that
+    is never violated guards a region that is not worth visiting.
 
     Raises:
-        OccError: the threshold is not within 0 to 1, no rule was ever tried, or none would remain:
-            an empty formula calls everything safe.
+        ConfigurationError: the threshold is not within 0 to 1, no rule was ever evaluated, or none
+            would remain: an empty formula calls everything safe.
     """
     if not 0.0 <= threshold <= 1.0:
         raise ConfigurationError(f'the pruning threshold is {threshold}; allowed is 0 to 1')
@@ -49,10 +51,10 @@ def prune(rule_set: RuleSet, threshold: float) -> Pruning:
             'no enabled rule has been evaluated yet, so there is nothing to prune by; count '
             'first, with occ check --count, the monitor or the learner'
         )
-    rules, pruned, untried = [], [], []
+    rules, pruned, not_evaluated = [], [], []
     for rule in rule_set.rules:
         if rule.enabled and not rule.evaluated:
-            untried.append(rule.id)
+            not_evaluated.append(rule.id)
         elif rule.enabled and rule.violated / rule.evaluated < threshold:
             reason = (
                 f'pruned: violated {rule.violated} of {rule.evaluated} times, below {threshold:g}'
@@ -66,4 +68,4 @@ def prune(rule_set: RuleSet, threshold: float) -> Pruning:
             f'a pruning threshold of {threshold:g} would disable every rule, and a formula without '
             'rules calls everything safe; choose a smaller one'
         )
-    return Pruning(replace(rule_set, rules=tuple(rules)), tuple(pruned), tuple(untried))
+    return Pruning(replace(rule_set, rules=tuple(rules)), tuple(pruned), tuple(not_evaluated))

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Which samples can be learned from, which are held out, and what range they demonstrate."""
+"""Selection of usable samples, division into training and held-out episodes, ranges."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.rules.space import FeatureSpace
 
 LEAST_EPISODES_TO_HOLD_OUT = 5
-"""With fewer episodes than this, none is held out: too few would be left to learn from."""
+"""With fewer episodes, none is held out: too few would be left to learn from."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +27,7 @@ class Samples:
         held_out: (m, k) samples of the held-out episodes.
         held_out_names: (m,) their episodes.
         held_out_episodes: how many these are.
-        usable: (all samples,) bool; the others could only be UNKNOWN at run time.
+        usable: (all samples,) bool; the others would be UNKNOWN at run time.
         is_held_out: (usable samples,) bool.
     """
 
@@ -41,7 +41,7 @@ class Samples:
 
     @property
     def unusable(self) -> int:
-        """Number of samples that had to be left out."""
+        """Number of samples that were left out."""
         return int((~self.usable).sum())
 
     @cached_property
@@ -52,7 +52,7 @@ class Samples:
     def demonstrated(self, space: FeatureSpace, settings: OCTreeSettings) -> np.ndarray:
         """Return the (k, 2) smallest and largest training values.
 
-        Members of a family share them, where the tree learner treats families as such.
+        Members of a family share them if the learner uses families.
         """
         ranges = np.stack([self.training.min(axis=0), self.training.max(axis=0)], axis=1)
         for family in map(list, families(space, settings)):
@@ -61,7 +61,7 @@ class Samples:
 
 
 def families(space: FeatureSpace, settings: OCTreeSettings) -> tuple[tuple[int, ...], ...]:
-    """Return the families that the tree learner heeds: all with clipping by mass, else none."""
+    """Return the families that the learner uses: all with clipping by mass, else none."""
     return space.families if settings.clip == 'mass' else ()
 
 
@@ -69,7 +69,7 @@ def checked_samples(values: np.ndarray) -> np.ndarray:
     """Return ``values`` as (n, k) finite float64.
 
     Raises:
-        OccError: no sample, or a value that is not finite.
+        DataError: no sample, or a value that is not finite.
     """
     try:
         if np.iscomplexobj(values):
@@ -100,7 +100,7 @@ def divide_samples(
     held_out_share: float = 0.2,
     hold_out_least: int = 0,
 ) -> Samples:
-    """Leave out what cannot be used, and hold out whole episodes.
+    """Leave out unusable samples, and hold out whole episodes.
 
     Args:
         values: (n, k) samples.
@@ -108,18 +108,17 @@ def divide_samples(
         space: the features.
         rng: chooses the held-out episodes.
         held_out_share: share of episodes to hold out when there are five or more.
-        hold_out_least: number of episodes to hold out even if that is a larger share, but at most
-            half of them.
+        hold_out_least: minimum number of episodes to hold out, up to half of all.
 
     Raises:
-        OccError: there is no usable sample, or the share is not within 0 to 1.
+        DataError: there is no usable sample, or the share is not within 0 to 1.
     """
     if not 0.0 <= held_out_share < 1.0:
         raise DataError(f'held_out_share is {held_out_share}; allowed is 0 <= held_out_share < 1')
     rows = space.check_rows(values)
     if not len(rows):
         raise DataError('there are no samples to learn from; allowed are one or more')
-    usable = is_usable(rows, space)
+    usable = space.knows(rows)
     if not usable.any():
         raise DataError(
             f'none of the {len(rows)} samples is usable: each has a value that is missing, not '
@@ -142,15 +141,6 @@ def divide_samples(
         len(chosen),
         usable,
         held_out,
-    )
-
-
-def is_usable(rows: np.ndarray, space: FeatureSpace) -> np.ndarray:
-    """Tell for each of (n, k) rows whether all is finite and within physical bounds: (n,) bool."""
-    return (
-        np.isfinite(rows).all(axis=1)
-        & (rows >= space.lows).all(axis=1)
-        & (rows <= space.highs).all(axis=1)
     )
 
 

@@ -4,19 +4,23 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from occ_constraints_pkg.errors import DataError
 from occ_constraints_pkg.rules.rule import Rule
 from occ_constraints_pkg.rules.ruleset import RuleSet
+from occ_constraints_pkg.rules.space import FeatureSpace
 from occ_constraints_pkg.rules.verdict import Verdict
+from occ_constraints_pkg.terminal import printable
 
 
 @dataclass(frozen=True)
 class Score:
-    """Counts of samples, and the usual ratios of them; a ratio with nothing below it is NaN.
+    """Counts of samples and their ratios; a ratio with denominator 0 is NaN.
 
     Attributes:
         samples: all samples.
@@ -57,12 +61,12 @@ class Score:
 
 @dataclass(frozen=True)
 class RuleScore:
-    """One enabled rule beside the truth. Samples whose verdict is UNKNOWN count for no rule.
+    """The score of one enabled rule. UNKNOWN samples count for no rule.
 
     Attributes:
         rule: the rule.
         alone: the samples on which the rule is true, as if it were the only one.
-        first: samples on which it is the first true rule, and so the one a monitor names.
+        first: samples on which it is the first true rule, the one that a monitor reports.
         first_costly: those of them that are truly costly.
     """
 
@@ -74,12 +78,12 @@ class RuleScore:
 
 @dataclass(frozen=True)
 class RuleSetScore:
-    """A rule set beside the truth.
+    """The score of a rule set.
 
     Attributes:
         overall: the samples that are not SAFE; UNKNOWN is flagged, as its cost is 1.
         unknown: samples whose verdict is UNKNOWN.
-        unscored: samples without a finite true cost, which count nowhere else.
+        unscored: samples without a finite true cost, not counted anywhere else.
         rules: the enabled rules in the order they are tried.
     """
 
@@ -97,7 +101,7 @@ def score_flags(flagged: np.ndarray, costly: np.ndarray) -> Score:
         costly: (n,) bool.
 
     Raises:
-        OccError: the shapes differ.
+        DataError: the shapes differ.
     """
     if np.shape(flagged) != np.shape(costly):
         raise DataError(
@@ -119,7 +123,7 @@ def score_rules(rule_set: RuleSet, values: np.ndarray, true_cost: np.ndarray) ->
         true_cost: (n,) costly where above 0; samples with NaN or infinity are not scored.
 
     Raises:
-        OccError: the shapes do not fit, or no sample has a true cost.
+        DataError: the shapes do not fit, or no sample has a true cost.
     """
     rows = rule_set.space.check_rows(values)
     cost = np.asarray(true_cost, dtype=np.float64)
@@ -158,3 +162,66 @@ def score_rules(rule_set: RuleSet, values: np.ndarray, true_cost: np.ndarray) ->
 
 def _ratio(part: int, whole: int) -> float:
     return part / whole if whole else float('nan')
+
+
+def describe_score(score: RuleSetScore, space: FeatureSpace) -> str:
+    """Return a score as lines of text, with a line for each rule that is true on some sample.
+
+    Args:
+        score: of a rule set.
+        space: the features that its rules speak of.
+    """
+    overall = score.overall
+    lines = [
+        f'{overall.samples} samples: {overall.costly} truly costly, {overall.flagged} flagged, '
+        f'{overall.both} both; {score.unknown / overall.samples:.2%} UNKNOWN',
+        f'precision {_shown(overall.precision)}, recall {_shown(overall.recall)}, '
+        f'F1 {_shown(overall.f1)}, IoU {_shown(overall.iou)}',
+    ]
+    if score.unscored:
+        lines.append(f'not scored: {score.unscored} samples without a true cost')
+    rules = [item for item in score.rules if item.alone.flagged]
+    if rules:
+        lines.append(f'{"first (costly)":>16}{"true (costly)":>18}  rule')
+    for item in sorted(rules, key=lambda item: -item.first):
+        first = f'{item.first} ({item.first_costly})'
+        alone = f'{item.alone.flagged} ({item.alone.both})'
+        lines.append(f'{first:>16}{alone:>18}  {item.rule.id:<9} {item.rule.words(space)}')
+    return '\n'.join(map(printable, lines))
+
+
+def score_document(score: RuleSetScore, space: FeatureSpace) -> dict[str, Any]:
+    """Return a score as plain values, ready for JSON; an undefined ratio is None.
+
+    Args:
+        score: of a rule set.
+        space: the features that its rules speak of.
+    """
+    return {
+        'samples': score.overall.samples,
+        'costly': score.overall.costly,
+        **_numbers(score.overall),
+        'unknown_share': score.unknown / score.overall.samples,
+        'unscored': score.unscored,
+        'rules': [
+            {
+                'id': item.rule.id,
+                'text': item.rule.words(space),
+                'first': item.first,
+                'first_costly': item.first_costly,
+                **_numbers(item.alone),
+            }
+            for item in score.rules
+        ],
+    }
+
+
+def _numbers(score: Score) -> dict[str, Any]:
+    ratios = {
+        name: value if math.isfinite(value) else None for name, value in score.ratios().items()
+    }
+    return {'flagged': score.flagged, 'flagged_costly': score.both, **ratios}
+
+
+def _shown(value: float) -> str:
+    return f'{value:.3f}' if math.isfinite(value) else 'undefined'

@@ -10,7 +10,7 @@ from typing import Any
 
 from occ_constraints_pkg.errors import ConfigurationError
 
-# Deeper trees could not be written to a file: YAML and JSON schema readers nest with them.
+# Deeper trees could not be written to a file: YAML and JSON schema readers recurse.
 DEEPEST = 100
 
 
@@ -21,12 +21,12 @@ class OCTreeSettings:
     Attributes:
         max_depth: most levels of splits, as in the paper; ``None``, as in the article, for no
             limit but :data:`DEEPEST`.
-        clip: how an attribute's outliers are cut off: ``mass`` (by the share of samples) or
-            ``density`` (the article's way, by the share of the largest density).
-        contamination: for ``mass``: share of the demonstrated samples that may lie outside; it
-            is spent where it makes the safe set smallest. ``None`` estimates where the bounds
-            are, with at most :data:`~occ_constraints_pkg.learning.trimming.MOST_ESTIMATED` of the
-            samples outside.
+        clip: how outliers of an attribute are cut off: ``mass`` (by the share of samples) or
+            ``density`` (as in the article, by the share of the largest density).
+        contamination: for ``mass``: share of the demonstrated samples that may lie outside,
+            distributed over the features so that the safe set becomes smallest. ``None`` estimates
+            the bounds, with at most
+            :data:`~occ_constraints_pkg.learning.trimming.MOST_ESTIMATED` of the samples outside.
         gamma: for ``density``: share of the largest density below which values are outliers.
         alpha: a minimum of the density at most this share of the lower neighbouring maximum
             splits an interval; 0 never splits. The article advises 0.5.
@@ -36,10 +36,10 @@ class OCTreeSettings:
         nu: stop before more than this share of the training samples lies outside; ``None`` lets
             the depth limit alone decide.
         full_conditions: write rules with both bounds of every branch above them, as the paper
-            does, also those that other rules imply.
+            does, even if other rules imply them.
 
     Raises:
-        OccError: a value is not allowed.
+        ConfigurationError: a value is not allowed.
     """
 
     max_depth: int | None = 20
@@ -66,7 +66,7 @@ class OCTreeSettings:
             overrides: attributes to set otherwise.
 
         Raises:
-            OccError: a value is not allowed.
+            ConfigurationError: a value is not allowed.
         """
         preset = {
             'max_depth': None,
@@ -98,7 +98,7 @@ class OCTreeSettings:
             raise ConfigurationError(f'nu is {self.nu}; allowed is 0 <= nu <= 1')
 
     def _check_types(self) -> None:
-        """Refuse what is no number: from Python anything can come."""
+        """Refuse values that are not numbers."""
         for name in ('max_depth', 'contamination', 'gamma', 'alpha', 'beta', 'min_split', 'nu'):
             value, kind = getattr(self, name), Integral if name == 'max_depth' else Real
             if value is None and name in ('max_depth', 'contamination', 'nu'):

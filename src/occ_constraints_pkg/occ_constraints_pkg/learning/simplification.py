@@ -23,15 +23,15 @@ from occ_constraints_pkg.wording import count_of
 
 @dataclass(frozen=True)
 class Simplification:
-    """What simplification did.
+    """The result of simplification.
 
     Attributes:
         rule_set: the simpler rules, in ascending number of literals.
         before: numbers of enabled rules and of their literals.
         after: the same of ``rule_set``.
-        changed: for the id of each rule that is not as it was: the ids of the rules it stands for.
+        changed: for the id of each changed rule: the ids of the rules that it replaces.
         removed: ids of the rules that can never be true or that other rules contain.
-        kept: ids of the enabled rules that were left alone for their note or counters.
+        kept: ids of the enabled rules left unchanged because of their note or counters.
     """
 
     rule_set: RuleSet
@@ -47,31 +47,30 @@ def simplify(
 ) -> Simplification:
     """Return rules that are true on exactly the same samples, but fewer and with fewer literals.
 
-    Each rule is a box, exact to the float: ``x > 1`` begins at the next number after 1. What is
-    done, again and again, never changes the union of the boxes within the physical bounds:
+    Each rule is a box, exact to the float: ``x > 1`` begins at the next float after 1. These steps
+    are repeated; none changes the union of the boxes within the physical bounds:
 
     - a literal is dropped that another one of the rule implies, or that holds for every possible
       value;
     - a rule is removed that can never be true, or that another rule contains;
     - rules that differ in one feature only, and there touch or overlap, become one;
-    - a literal is dropped where everything that the rule gains by that lies in another rule.
+    - a literal is dropped if everything that the rule thereby gains lies in another rule.
 
-    Verdicts stay the same, and so do margins of safe samples, but for rules beyond the physical
-    bounds: these no longer count. On violations the margin comes closer to the true distance, from
-    below in absolute value. All this speaks of the rule set as a whole; when a rule is disabled
-    later, what goes with it can be more than before.
+    Verdicts stay the same, and so do margins of safe samples, except that rules beyond the physical
+    bounds no longer count. On violations the margin gets closer to the true distance, from below in
+    absolute value. This holds for the rule set as a whole: disabling a rule later can have a larger
+    effect than before.
 
-    What a person or a count has touched stays: disabled rules, rules with a note, and rules with
-    counters are neither changed nor removed. (Enabled ones still make others redundant.) A rule
-    that does not change keeps its id, and so does one whose id is not derived from its literals.
+    Disabled rules, rules with a note and rules with counters are neither changed nor removed
+    (enabled ones still make others redundant). An unchanged rule keeps its id, and so does one
+    whose id is not derived from its literals.
 
-    The effort grows with the square of the number of literals in rules of several features;
-    thousands of rules are no burden.
+    Time is quadratic in the number of literals of rules on several features; thousands are fine.
 
     Args:
         rule_set: learned, edited, or written by hand.
-        renumber: give all ids anew, as for rules that nobody has seen yet.
-        counted_too: also simplify rules with counters; those that change begin at 0.
+        renumber: assign all ids anew, as for rules that nobody has seen yet.
+        counted_too: also simplify rules with counters; those that change start at 0.
     """
     before = rule_set.rules
     stay = [
@@ -107,14 +106,14 @@ def simplify(
 def extract_and_simplify(
     root: Node, space: FeatureSpace, demonstrated: np.ndarray, *, full_conditions: bool = False
 ) -> Simplification:
-    """Return the complement of the tree's leaves in as few and as short rules as are found.
+    """Return the complement of the tree's leaves in few and short rules.
 
     Args:
         root: the tree.
         space: the features, with their physical bounds.
         demonstrated: (k, 2) smallest and largest demonstrated values.
         full_conditions: return the rules with all bounds of every branch, as the paper prints
-            them. These are what is counted as ``before`` in any case.
+            them. ``before`` counts these in any case.
     """
     whole = extract_rules(root, space, demonstrated, full_conditions=True)
     if full_conditions:
@@ -132,7 +131,7 @@ def size(rule_set: RuleSet) -> tuple[int, int]:
 def _rebuilt(
     rule_set: RuleSet, boxes: list[Box], stay: Sequence[bool]
 ) -> list[tuple[Rule, list[int]]]:
-    """Return the rules with the positions of those they stand for, shortest first."""
+    """Return the rules with the positions of those they replace, shortest first."""
     free = {box.sources[0]: box for box in boxes if not box.fixed}
     rules, changed = [], []
     for index, rule in enumerate(rule_set.rules):
@@ -167,7 +166,7 @@ def _in_order(box: Box, rule: Rule) -> tuple[Literal, ...]:
 def _new_id(
     space: FeatureSpace, rule: Rule, literals: tuple[Literal, ...], taken: Container[str]
 ) -> str:
-    """Return the id of a rule that changed: a name that a person gave stays, a digest follows."""
+    """Return the id of a changed rule: a name given by a person stays, a digest is renewed."""
     own, new = rule_ids(space, [rule.literals])[0], rule_ids(space, [literals])[0]
     base = new if rule.id.partition('-')[0] == own else rule.id
     names = (base if number == 1 else f'{base}-{number}' for number in itertools.count(1))

@@ -12,7 +12,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Branch:
-    """One target interval of a split and what lies below it.
+    """One target interval of a split and its subtree.
 
     Attributes:
         low: left bound, inclusive.
@@ -55,7 +55,7 @@ class Node:
             yield from branch.node._boxes(inner)
 
     def contains(self, values: np.ndarray) -> np.ndarray:
-        """Tell for each row of (n, k) finite values whether it lies in some leaf's box: (n,)."""
+        """Return (n,) bool, whether rows of (n, k) finite values lie in the box of a leaf."""
         inside = np.zeros(len(values), dtype=bool)
         self._mark(values, np.arange(len(values)), inside)
         return inside
@@ -92,8 +92,7 @@ class Node:
     def cut(self, levels: int, families: Sequence[Sequence[int]] = ()) -> Node:
         """Return the tree as it was after so many levels of growth.
 
-        Since a split depends on nothing below it, that is the tree that a smaller depth limit
-        gives.
+        A split does not depend on anything below it, so this is the tree of a smaller depth limit.
 
         Args:
             levels: how many to keep.

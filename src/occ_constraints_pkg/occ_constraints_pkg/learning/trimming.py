@@ -1,10 +1,10 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Where clipping by mass puts its bounds: our extension of the OC-tree.
+"""Clipping by mass, our extension of the OC-tree: distributes the outlier budget over the features.
 
-What lies outside is bought: a bound moves inward as long as the stretch it leaves behind is worth
-the samples in it. That is the excess mass of Hartigan (JASA 82, 1987) and of Müller and Sawitzki
-(JASA 86, 1991) on one feature: largest mass less a price times length.
+A bound moves inward as long as the length that it cuts off is worth the samples in it. This is the
+excess mass of Hartigan (JASA 82, 1987) and of Müller and Sawitzki (JASA 86, 1991) on one feature:
+the largest mass less a price times length.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ from occ_constraints_pkg.learning.density import bandwidth
 from occ_constraints_pkg.learning.division import LARGEST, is_eligible
 
 MOST_ESTIMATED = 0.05
-"""Largest share of the samples outside where the user states none, and the share of its time that
-a demonstrator would be outside who moves without heed."""
+"""Largest share of the samples outside if the user states none, and the share of its time that a
+demonstrator who ignores obstacles would be outside."""
 
-# Share of the samples of a family that are taken for free movement.
+# Share of the samples of a family that count as free movement.
 _FREE = 0.5
-# Halvings until the price of a stated share is known: to one part in a thousand million.
+# Bisection steps for the price of a stated share, to one part in 1e9.
 _HALVINGS = 30
-# As many samples tell roughly what all of them look like.
+# Size of a subsample for rough estimates.
 _SOME = 4096
 
 
 @dataclass(frozen=True)
 class Unit:
-    """What is bounded as one: a feature, or a family with the same interval for all members.
+    """A feature, or a family with the same interval for all members.
 
     Attributes:
         features: positions of the members.
@@ -60,8 +60,8 @@ class Trim:
         low: left bound, a sample's value, inclusive.
         high: right bound, the same.
         extent: the smallest and the largest value.
-        impurity: the article's proxy (p. 12-13) of this cut at the root; that of a family is
-            reckoned with the volume of all its members.
+        impurity: the article's proxy (p. 12-13) of this cut at the root; for a family, with the
+            volume of all its members.
     """
 
     low: float
@@ -108,7 +108,7 @@ class _Tail(NamedTuple):
         values: (r + 1,) the outermost samples; r of them may be left outside.
         beyond: (r + 1,) share of the unit's range that a bound there leaves outside.
         members: number of features that the bound serves.
-        edge: distance to the physical bound where a family is estimated to end, else ``None``.
+        edge: estimated end of a family, as distance to the physical bound, or ``None``.
         distances: (r + 1,) distances to the physical bound, ascending.
     """
 
@@ -125,17 +125,17 @@ class _Tail(NamedTuple):
 
 
 def trim(units: Sequence[Unit], contamination: float | None) -> list[Trim | None]:
-    """Bound each unit, so that in all at most a given share of the samples lies outside.
+    """Bound each unit, so that in total at most a given share of the samples is outside.
 
-    With a stated share: the price at which that share is spent. A bound that serves a whole
-    family makes the safe set smaller in each of its features, so it is worth as many prices.
+    With a stated share: at the price that spends that share. A bound of a whole family makes the
+    safe set smaller in each of its features, so its worth counts once for each.
 
-    Without: bad samples, a share :data:`MOST_ESTIMATED` of all, are thought to be spread evenly
-    over the range of one feature, which one is not known; where there are fewer samples than
-    that, a feature is cut. A family with a physical bound (the sectors of a lidar: touching) ends
-    where a heedless demonstrator would be outside for that share of its time. Half of the samples
-    are taken for such free movement, and the share closer than some distance to grow with its
-    square, as areas do. So it does not matter how well, or badly, this demonstrator heeded.
+    Without: bad samples, a share :data:`MOST_ESTIMATED` of all, are assumed to be uniform over the
+    range of one unknown feature; a feature is cut where there are fewer samples than that. A family
+    with a physical bound (for the sectors of a lidar: contact) ends where a demonstrator who
+    ignores obstacles would be outside for that share of its time. Half of the samples are assumed
+    to be such free movement, and the share closer than a distance to grow with its square, as areas
+    do. So the estimate does not depend on how careful the demonstrator was.
 
     Args:
         units: what to bound, at least one.
@@ -156,7 +156,7 @@ def trim(units: Sequence[Unit], contamination: float | None) -> list[Trim | None
     if priced:
         worth = np.stack([tails[index].members * tails[index].beyond for index in priced])
         if contamination is not None:
-            price = _spending(worth, price, count, room)
+            price = _spending_price(worth, price, count, room)
         outside[priced] = _bought(worth, price, count)
     for index, tail in enumerate(tails):
         if tail.edge is not None:
@@ -174,19 +174,19 @@ def _bought(worth: np.ndarray, price: float, count: int) -> np.ndarray:
         count: number of samples.
     """
     shares = np.arange(worth.shape[1]) / count
-    # The first of equal values is the best of them, so equal samples stay together.
+    # argmax takes the first of equal values, so equal samples stay together.
     return np.argmax(price * worth - shares, axis=1)
 
 
-def _spending(worth: np.ndarray, price: float, count: int, room: int) -> float:
+def _spending_price(worth: np.ndarray, price: float, count: int, room: int) -> float:
     """Return the largest price, to rounding, at which at most ``room`` samples are outside."""
 
     def is_affordable(price: float) -> bool:
         return int(_bought(worth, price, count).sum()) <= room
 
-    # At half the price of the share per feature it is: neither side of a unit is worth more than
-    # its whole range. (Without a stated share the whole price is: sides that do not cross share
-    # one range, and if they crossed all samples would be outside.)
+    # Half the price of the share per feature is affordable: neither side of a unit is worth more
+    # than its whole range. (Without a stated share the whole price is: sides that do not cross
+    # share one range, and if they crossed all samples would be outside.)
     low, high = price / 2, float(count) ** 2
     if is_affordable(high):
         return high
@@ -196,14 +196,14 @@ def _spending(worth: np.ndarray, price: float, count: int, room: int) -> float:
     return low
 
 
-def _tails(unit: Unit, room: int, heedless: float | None) -> tuple[_Tail, _Tail] | None:
+def _tails(unit: Unit, room: int, careless: float | None) -> tuple[_Tail, _Tail] | None:
     """Return the lower and the upper tail of a unit, or ``None`` if it is not eligible.
 
     Args:
         unit: what to bound.
         room: most samples to leave outside.
-        heedless: share of its time that a heedless demonstrator would spend beyond the edge of a
-            family, ``None`` to look for no edge.
+        careless: share of its time that a demonstrator who ignores obstacles would spend beyond
+            the edge of a family; ``None`` for no edge.
     """
     count = len(unit.smallest)
     # Contiguous: they are read several times.
@@ -213,15 +213,15 @@ def _tails(unit: Unit, room: int, heedless: float | None) -> tuple[_Tail, _Tail]
     for values, sign, limit in zip((lower, upper), (1.0, -1.0), unit.limits, strict=True):
         ends = _outermost(values, room, sign)
         edge, distances = None, ends
-        if heedless is not None and unit.is_family and np.isfinite(limit):
+        if careless is not None and unit.is_family and np.isfinite(limit):
             middle = np.partition(sign * values, count // 2)[count // 2]
             distances = sign * (ends - limit)
-            edge = (middle - sign * limit) * np.sqrt(heedless / _FREE)
+            edge = (middle - sign * limit) * np.sqrt(careless / _FREE)
         pair.append((ends, sign, edge, distances))
     start, end = pair[0][0][0], pair[1][0][0]
     if start == end or max(-start, end) > LARGEST:
         return None
-    # Empty sectors are many equal values, which say nothing of quantisation.
+    # Empty sectors are many equal values, which does not mean quantisation.
     if not unit.is_family and not _is_continuous(lower):
         return None
     low, high = (
@@ -234,7 +234,7 @@ def _tails(unit: Unit, room: int, heedless: float | None) -> tuple[_Tail, _Tail]
 def _outermost(values: np.ndarray, room: int, sign: float) -> np.ndarray:
     """Return the ``room`` + 1 smallest of (n,) values, ascending; with -1 the largest, descending.
 
-    A few values tell about where these end, so that hardly more than they have to be sorted.
+    A subsample gives a rough limit, so that few more than these have to be sorted.
     """
     few = np.sort(sign * _some(values))
     guess = few[min(len(few) - 1, int(1.2 * len(few) * room / len(values)) + 20)]
@@ -246,14 +246,14 @@ def _outermost(values: np.ndarray, room: int, sign: float) -> np.ndarray:
 
 
 def _some(values: np.ndarray) -> np.ndarray:
-    """Return a few thousand of the values, from all over them."""
+    """Return a subsample of a few thousand values."""
     return values[:: max(1, len(values) // _SOME)]
 
 
 def _is_continuous(values: np.ndarray) -> bool:
-    """Tell whether a feature is eligible.
+    """Return whether a feature is eligible.
 
-    A few samples decide where steps are well below the bandwidth, as they mostly are by far.
+    A subsample suffices if steps are well below the bandwidth, as they usually are.
     """
     few = np.sort(_some(values))
     if few[0] < few[-1]:

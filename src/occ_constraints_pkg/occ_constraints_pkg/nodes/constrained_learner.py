@@ -11,8 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 from sensor_msgs.msg import PointCloud2
 
-from occ_constraints_pkg.agents.networks import torch_device
-from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian
+from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian, torch_device
 from occ_constraints_pkg.agents.settings import PPOLagrangianConfig
 from occ_constraints_pkg.agents.training import TrainingDirectory
 from occ_constraints_pkg.features.serialized_tables import TableMessage

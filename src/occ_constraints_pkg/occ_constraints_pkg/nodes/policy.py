@@ -7,9 +7,8 @@ from __future__ import annotations
 import numpy as np
 from sensor_msgs.msg import PointCloud2
 
-from occ_constraints_pkg.agents.drivers import check_name, find_driver
+from occ_constraints_pkg.agents.drivers import Driver, check_name, find_driver
 from occ_constraints_pkg.agents.policy import GaussianPolicy
-from occ_constraints_pkg.agents.scripted import Driver
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.features.serialized_tables import TableMessage
 from occ_constraints_pkg.nodes.lockstep import Pairing, action_table, step_batch

@@ -24,7 +24,7 @@ from occ_constraints_pkg.ros.qos import SENSORS, SETTLED_CHECKS, STEPS, overrida
 from occ_constraints_pkg.ros.tables import subscribe_to_tables, table_bytes
 from occ_constraints_pkg.worlds.registry import make_world
 from occ_constraints_pkg.worlds.stream import EpisodeStream, StepBatch
-from occ_constraints_pkg.worlds.worker_pool import HelperError
+from occ_constraints_pkg.worlds.worker_pool import WorkerError
 
 # How often the node checks whether the subscribers it waits for have come.
 _CHECK_SECONDS = 0.05
@@ -144,7 +144,7 @@ class Sim(OccNode):
         """Within the block, a mistake in the action is reported, and the action is ignored."""
         try:
             yield
-        except HelperError:
+        except WorkerError:
             raise
         except OccError as error:
             self.get_logger().error(f'action ignored: {error}', throttle_duration_sec=1.0)

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""The heart: feature space, literals, rules, rule set, verdict, margin, the constraints file."""
+"""What a rule means: feature space, literals, rules, verdicts, margins, the constraints file."""
 
 from occ_constraints_pkg.rules.rule import Literal, Rule
 from occ_constraints_pkg.rules.ruleset import RuleCounts, RuleSet

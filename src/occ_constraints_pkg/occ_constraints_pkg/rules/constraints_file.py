@@ -28,11 +28,11 @@ from occ_constraints_pkg.rules.rule import Literal, Rule
 from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.rules.space import Feature, FeatureSpace
 
-SCHEMA_VERSION = 1
-# The last line of a file that was made from another one.
+_SCHEMA_VERSION = 1
+# Last line of a file that was derived from another one.
 _SEAL = re.compile(r'^# not edited since occ wrote it, SHA-256 ([0-9a-f]{64})\n\Z', re.MULTILINE)
 _SCHEMA = load_schema(__package__, 'constraints.schema.json')
-# What tells a recording or a table, and what tells another document, given by mistake.
+# Signs of a recording or a table, and of another document, given by mistake.
 _DATA_SUFFIXES = ('.mcap', '.db3', '.npz', '.csv', '.parquet')
 _OTHER_KINDS = {
     'pace': 'a feature map (-m)',
@@ -84,10 +84,10 @@ class Constraints:
 
     @property
     def is_edited(self) -> bool:
-        """Whether the rules are a person's: noted, changed since they were learned, or all own.
+        """Whether a person has edited the rules or written them.
 
-        A change is one of the formula: a bound moved, a rule disabled, added or removed. A file
-        that does not say what was learned was written by hand.
+        An edit is a note or a change of the formula: a bound moved, a rule disabled, added or
+        removed. A file that does not record what was learned was written by hand.
         """
         noted = any(rule.note for rule in self.rule_set.rules)
         return noted or self.provenance.get('learned_formula') != self.rule_set.fingerprint
@@ -97,16 +97,16 @@ class Constraints:
         return replace(self, rule_set=rule_set)
 
     def with_equal_rules(self, rule_set: RuleSet) -> Constraints:
-        """Return the same file with rules that mean the same, which is not an edit."""
+        """Return the same file with equivalent rules, which is not an edit."""
         provenance = self.provenance
         if provenance.get('learned_formula') == self.rule_set.fingerprint:
             provenance = {**provenance, 'learned_formula': rule_set.fingerprint}
         return replace(self, rule_set=rule_set, provenance=provenance)
 
     def dumps(self) -> str:
-        """Return the YAML text; every float is written so that it reads back bit for bit."""
+        """Return the YAML text; floats are written so that they read back bit for bit."""
         space = self.rule_set.space
-        document: dict[str, Any] = {'schema_version': SCHEMA_VERSION}
+        document: dict[str, Any] = {'schema_version': _SCHEMA_VERSION}
         document['features'] = [
             {
                 'name': feature.name,
@@ -120,13 +120,13 @@ class Constraints:
         document['rules'] = [_rule_document(rule, space) for rule in self.rule_set.rules]
         for key in ('feature_map', 'tree', 'learner', 'coverage', 'provenance', 'evidence'):
             value = getattr(self, key)
-            # An empty tree is a lone leaf, which is not the same as no tree.
+            # An empty tree is a single leaf, which differs from no tree.
             if value or (key == 'tree' and value is not None):
                 document[key] = dict(value)
         return dump_yaml(document)
 
     def save(self, path: str | Path) -> None:
-        """Write the file; an existing one is replaced at once or, on an error, left whole.
+        """Write the file, atomically.
 
         Raises:
             OccError: the file cannot be written.
@@ -138,7 +138,8 @@ def load_constraints(path: str | Path) -> Constraints:
     """Read a constraints file.
 
     Raises:
-        OccError: it cannot be read or is not valid; the sentence names line, key and value.
+        ConfigurationError: it is not valid; the sentence names line, key and value.
+        DataError: it cannot be read.
 
     Example:
         >>> occ.learn('bags/simple_nav_expert', 'simple_nav').save('nav.yaml')
@@ -154,16 +155,17 @@ def load_constraints(path: str | Path) -> Constraints:
 
 
 def save_learned(constraints: Constraints, path: str | Path, *, overwrite: bool = False) -> None:
-    """Write newly learned constraints without losing what a person changed.
+    """Write newly learned constraints without losing edits.
 
     Args:
         constraints: what was learned.
         path: the file to write.
-        overwrite: replace a file that was edited; it is kept beside with the suffix ``.bak``.
+        overwrite: replace an edited file; a copy is kept with the suffix ``.bak``.
 
     Raises:
-        OccError: the file there was edited and ``overwrite`` is off, it is no constraints file,
-            or it cannot be written.
+        ConfigurationError: the file there was edited and ``overwrite`` is off, or is not a
+            constraints file.
+        OccError: it cannot be written.
     """
     text = _text_there(path)
     _keep_edited(path, _is_edited(text, str(path)), overwrite)
@@ -173,21 +175,22 @@ def save_learned(constraints: Constraints, path: str | Path, *, overwrite: bool 
 def save_derived(
     constraints: Constraints, path: str | Path, *, overwrite: bool = False, in_place: bool = False
 ) -> None:
-    """Write constraints made from a file without losing what a person changed where they go.
+    """Write constraints derived from a file without losing edits at their destination.
 
-    The file ends with a line by which its next replacement sees that nobody has edited it, so
-    that the same command may be repeated. A file as it was learned is replaced likewise.
+    The file ends with a checksum that shows that nobody has edited it, so that the same command can
+    be repeated. A file that was learned and not edited is replaced, too.
 
     Args:
         constraints: a file's content, counted, pruned or simplified.
         path: the file to write.
-        overwrite: replace a file that was edited; it is kept beside with the suffix ``.bak``.
-        in_place: ``path`` is the very file that ``constraints`` were made from, and was asked to
-            be changed; what was edited is kept beside likewise.
+        overwrite: replace an edited file; a copy is kept with the suffix ``.bak``.
+        in_place: ``path`` is the file that ``constraints`` were derived from, to be changed on
+            request; a copy of an edited file is kept likewise.
 
     Raises:
-        OccError: the file there was edited and may not be replaced, it is no constraints file, or
-            it cannot be written.
+        ConfigurationError: the file there was edited and may not be replaced, or is not a
+            constraints file.
+        OccError: it cannot be written.
     """
     there = _text_there(path)
     _keep_edited(
@@ -200,18 +203,18 @@ def save_derived(
 
 
 def _text_there(path: str | Path) -> str:
-    """Return the text of the constraints file that is to be replaced, none where there is none."""
+    """Return the text of the constraints file to be replaced, empty if there is none."""
     check_kind(path, CONSTRAINTS)
     return read_text(path) if Path(path).exists() else ''
 
 
 def _is_edited(text: str, where: str) -> bool:
-    """Tell whether a person has changed a file since it was learned, its comments included."""
+    """Return whether a file was edited since it was learned, comments included."""
     if not text:
         return False
     text = _SEAL.sub('', text)
     content = parse_constraints(text, where)
-    # No comment is ever written here; within texts the character may stand.
+    # We write no comments; texts may contain the character.
     return content.is_edited or ('#' in text and text.count('#') != content.dumps().count('#'))
 
 
@@ -228,7 +231,7 @@ def _keep_edited(path: str | Path, is_edited: bool, allowed: bool) -> None:
     """Keep a copy of an edited file.
 
     Raises:
-        OccError: it may not be replaced, or no copy can be written.
+        ConfigurationError: it may not be replaced, or no copy can be written.
     """
     if not is_edited:
         return
@@ -245,7 +248,7 @@ def parse_constraints(text: str, where: str) -> Constraints:
     """Read the text of a constraints file; ``where`` names it in messages.
 
     Raises:
-        OccError: the text is not valid; the sentence names line, key and value.
+        ConfigurationError: the text is not valid; the sentence names line, key and value.
     """
     document = parse_yaml(text, where)
     if isinstance(document, dict) and 'rules' not in document:
@@ -280,20 +283,19 @@ def parse_constraints(text: str, where: str) -> Constraints:
 
 
 def _check_version(document: Any, where: str) -> None:
-    """Refuse a newer file by its version; else its first new key would look like a slip."""
+    """Refuse a newer file by its version; otherwise its first new key would look like a typo."""
     version = document.get('schema_version') if isinstance(document, dict) else None
-    if isinstance(version, int) and version > SCHEMA_VERSION:
+    if isinstance(version, int) and version > _SCHEMA_VERSION:
         raise ConfigurationError(
             f'{where}: schema_version: got {version}, written by a newer occ_constraints_pkg; '
-            f'allowed here is {SCHEMA_VERSION}'
+            f'allowed here is {_SCHEMA_VERSION}'
         )
 
 
 def _check_units(document: Mapping[str, Any]) -> None:
-    """Refuse a feature whose unit is not that of the numbers that the feature map gives.
+    """Refuse a feature whose unit differs from that of the feature map.
 
-    Only units that both write down can contradict each other. What else a map has to be is looked
-    at by whoever reads messages by it.
+    Only checked if both state a unit. The rest of the map is checked where it is used.
     """
     entries = document.get('feature_map', {}).get('features')
     if not isinstance(entries, list):
@@ -303,7 +305,7 @@ def _check_units(document: Mapping[str, Any]) -> None:
             if not isinstance(entry, dict) or entry.get('unit') is None or 'unit' not in item:
                 continue
             name = str(entry.get('name'))
-            # The features of sectors have a number or a direction behind their common name.
+            # Features of sectors have a number or a direction after their common name.
             is_meant = (
                 item['name'].startswith(f'{name}_')
                 if 'sectors' in entry

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Changes to a rule set that a person asks for in a few words: rules on or off, bounds moved."""
+"""Edits of a rule set: rules enabled or disabled, bounds moved."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class MovedBound:
 
 @dataclass(frozen=True)
 class RuleEdits:
-    """What is to differ from a rule set as it was loaded.
+    """Edits to apply to a rule set as loaded.
 
     Attributes:
         disabled: ids of rules to disable.
@@ -45,7 +45,7 @@ class RuleEdits:
         bounds: bounds to move.
 
     Raises:
-        OccError: a rule is to be both enabled and disabled, or a bound to be moved twice.
+        ConfigurationError: a rule is to be both enabled and disabled, or a bound to be moved twice.
     """
 
     disabled: tuple[str, ...] = ()
@@ -74,7 +74,7 @@ class RuleEdits:
         """Read the edits; each of ``bounds`` is like ``R41297: d_l2 > 0.9``.
 
         Raises:
-            OccError: a text is of another form, or the edits contradict each other.
+            ConfigurationError: a text is of another form, or the edits contradict each other.
         """
         return cls(tuple(disabled), tuple(enabled), tuple(_bound(text) for text in bounds))
 
@@ -82,7 +82,7 @@ class RuleEdits:
         """Return the rule set with these changes; the same object if there are none.
 
         Raises:
-            OccError: a rule or a literal is not there, or an enabled rule could never be true.
+            ConfigurationError: there is no such rule or literal, or a rule could never be true.
         """
         if self == RuleEdits():
             return rule_set

@@ -107,11 +107,11 @@ def export_c(rule_set: RuleSet, prefix: str = 'occ') -> str:
     is rounded.
 
     Args:
-        rule_set: the rules; disabled ones are named in the tables but never tried.
+        rule_set: the rules; disabled ones are named in the tables but never evaluated.
         prefix: begins every name, so that several rule sets fit into one program.
 
     Raises:
-        OccError: the prefix is no C identifier in lower case.
+        ConfigurationError: the prefix is no C identifier in lower case.
     """
     if not re.fullmatch(r'[a-z][a-z0-9_]*', prefix):
         raise ConfigurationError(

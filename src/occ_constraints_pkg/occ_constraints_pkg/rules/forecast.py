@@ -14,12 +14,12 @@ from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.rules.verdict import Verdict
 
 WINDOW_SECONDS = 0.5
-"""How far back the rate of change is looked for, by default."""
+"""Default window for the rate of change."""
 
 HORIZON_SECONDS = 1.0
-"""A violation that is estimated within this time is warned of, by default."""
+"""Default time ahead within which an estimated violation is warned of."""
 
-# A straight line through fewer rows says nothing about their noise.
+# A straight line through fewer rows does not average their noise.
 _FEWEST_ROWS = 3
 # Rows kept at most; a window of more is cut.
 _MOST_ROWS = 2000
@@ -27,13 +27,13 @@ _MOST_ROWS = 2000
 
 @dataclass(frozen=True)
 class Forecast:
-    """What comes if nothing changes its rate of change.
+    """The next violation at the present rates of change.
 
     Attributes:
         seconds: until the first rule is violated; 0 when one is, ``inf`` when none is foreseen or
             too little was seen, NaN when the newest row cannot be judged.
         rule: position of that rule in the rule set; -1 for none.
-        feature: position of the feature that gets there last, and so decides; -1 for none.
+        feature: position of the feature that reaches its bound last; -1 for none.
     """
 
     seconds: float
@@ -54,7 +54,7 @@ class Forecaster:
         window: seconds.
 
     Raises:
-        OccError: the window is no number above 0.
+        ConfigurationError: the window is no number above 0.
     """
 
     def __init__(self, rule_set: RuleSet, window: float = WINDOW_SECONDS) -> None:
@@ -67,15 +67,15 @@ class Forecaster:
         self._table = rule_set.table
 
     def reset(self) -> None:
-        """Forget all rows: what comes next does not continue them."""
+        """Drop all rows: the next one does not continue them."""
         self._rows.clear()
 
     def add(self, stamp_ns: int, row: np.ndarray) -> None:
         """Take one row.
 
         Args:
-            stamp_ns: when; one that is earlier than the row before resets, an equal one replaces
-                that row.
+            stamp_ns: an earlier stamp than the previous row's resets, an equal one replaces that
+                row.
             row: (k,) features.
         """
         self._rows.add(stamp_ns, row)
@@ -91,13 +91,13 @@ class Forecaster:
             return Forecast(math.nan)
         if verdict is Verdict.VIOLATED:
             return Forecast(0.0, rule, self._nearest(rule))
-        # Anything may overflow here, and then nothing is foreseen.
+        # On overflow nothing is foreseen.
         with np.errstate(all='ignore'):
             slopes = self._rows.slopes() if len(self._table.feature) else None
             return Forecast(math.inf) if slopes is None else self._first(slopes)
 
     def _nearest(self, rule: int) -> int:
-        """Return the feature that is least far inside a rule that is true."""
+        """Return the feature with the smallest distance into a true rule."""
         row, scale = self._rows.newest, self._rules.scale
         literals = self._rules.rules[rule].literals
         inside = [
@@ -152,7 +152,7 @@ class _Window:
 
     def add(self, stamp_ns: int, row: np.ndarray) -> None:
         if self._end > self._first and stamp_ns <= self._last_ns:
-            # A clock that was set back begins anew; no time passes between equal stamps.
+            # A backward time jump resets; an equal stamp replaces the row.
             self._end -= 1
             if stamp_ns < self._last_ns:
                 self.clear()
@@ -170,7 +170,7 @@ class _Window:
     def _make_room(self) -> None:
         """Move the rows to the front, of a larger memory if they fill most of this."""
         used = slice(max(self._first, self._end - _MOST_ROWS), self._end)
-        # Copies, for the places may overlap.
+        # Copies, because source and target may overlap.
         times, values = self._times[used].copy(), self._values[used].copy()
         if 2 * len(times) > len(self._times):
             self._times = np.empty(2 * len(self._times))
@@ -182,7 +182,7 @@ class _Window:
         self._first, self._end = 0, len(times)
 
     def slopes(self) -> np.ndarray | None:
-        """Return (k,) changes per second; None while too little is known."""
+        """Return (k,) changes per second; None while there are too few rows."""
         times = self._times[self._first : self._end]
         if len(times) < _FEWEST_ROWS or 2.0 * (times[-1] - times[0]) < self._length:
             return None

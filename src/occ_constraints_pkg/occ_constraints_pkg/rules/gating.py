@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.rules.verdict import Verdict
 
-# Seconds by which a publisher's clock may be ahead of this computer's.
+# Seconds by which the clock of a publisher may be ahead of ours.
 CLOCK_TOLERANCE = 0.1
-# So long the reason of a stop is told rather than the silence that has followed: a monitor without
-# input says UNKNOWN once a second.
+# How long the reason of a stop takes precedence over the silence after it: a monitor without input
+# reports UNKNOWN once a second.
 _REASON_SECONDS = 1.5
 
 
@@ -33,7 +33,7 @@ class Debounce:
         release_count: good samples in a row that release it.
 
     Raises:
-        OccError: a number is below 1, or the count is larger than the window.
+        ConfigurationError: a number is below 1, or the count is larger than the window.
     """
 
     def __init__(self, trigger_count: int, trigger_window: int, release_count: int) -> None:
@@ -63,17 +63,17 @@ class Debounce:
             self.tripped = False
 
     def trip(self) -> None:
-        """Switch on at once; the good samples are counted anew."""
+        """Switch on at once; the count of good samples restarts."""
         self.tripped = True
         self._good_in_a_row = 0
 
 
 class SteadyVerdict:
-    """A verdict that does not flicker, for people: VIOLATED after debouncing, SAFE likewise.
+    """A debounced verdict for people.
 
-    UNKNOWN is taken over at once, and left only as a violation is: after ``release_count`` safe
-    verdicts in a row, or for VIOLATED. It begins with UNKNOWN. See :class:`Debounce` for the
-    arguments; with 1, 1 and 1 the state is the verdict.
+    UNKNOWN applies at once, and is left like a violation: after ``release_count`` safe verdicts in
+    a row, or for VIOLATED. It starts as UNKNOWN. See :class:`Debounce` for the arguments; with 1, 1
+    and 1 the state is the verdict.
 
     Attributes:
         state: the steady verdict.
@@ -105,13 +105,13 @@ class GateSettings:
             0: never.
         min_speed_scale: part of the speed that is left at margin 0, from 0 to 1.
         trigger_count: violated verdicts of the last ``trigger_window`` that stop.
-        trigger_window: see there. With 2 of 20, whatever is violated at least once in 19 verdicts
-            stops at its second violation.
+        trigger_window: see there. With 2 of 20, a violation at least once in 19 verdicts stops at
+            the second one.
         release_count: safe verdicts in a row that release again.
         timeout: seconds without a verdict that stop, and the largest age of a verdict.
 
     Raises:
-        OccError: a number is out of its range.
+        ConfigurationError: a number is out of its range.
     """
 
     slow_margin: float = 0.1
@@ -135,7 +135,7 @@ class GateSettings:
 
 @dataclass(frozen=True)
 class GateOutput:
-    """What a gate does to commands.
+    """What the gate does to commands.
 
     Attributes:
         scale: factor on the commanded speed, 0 (stop) to 1 (as commanded).
@@ -154,7 +154,7 @@ class GateOutput:
 
     def __str__(self) -> str:
         if self.state == 'SLOW':
-            # Rounding must not turn it into a stop, or into no slowing at all.
+            # Rounding must not show it as a stop or as full speed.
             percent = min(99, max(1, round(100.0 * self.scale)))
             return f'SLOW, {percent}%: {self.reason}'
         return f'{self.state}: {self.reason}' if self.reason else self.state
@@ -162,14 +162,14 @@ class GateOutput:
 
 @dataclass(frozen=True)
 class Timing:
-    """When a verdict was made, as its message and the middleware report it, in ns.
+    """When a verdict was made, according to its message and the middleware, in ns.
 
     Attributes:
         stamp: of the message's header: that of the input.
         sent: wall time at which its publisher sent it.
-        judged: wall time at which the monitor judged; None where the message does not say.
+        judged: wall time at which the monitor judged; None if the message does not have it.
         wall: the receiver's wall time.
-        clock: the receiver's clock that stamps are compared with where ``judged`` is missing.
+        clock: the receiver's clock, compared with the stamp if ``judged`` is missing.
     """
 
     stamp: int
@@ -180,10 +180,10 @@ class Timing:
 
     @property
     def age(self) -> float:
-        """Seconds since the earliest of the times that tell when it was made; below 0: ahead."""
+        """Seconds since the earliest of its times; negative if ahead of the clock."""
         ages = [self.wall - self.sent]
-        # A stamp alone cannot tell: a monitor may judge a simulation that runs ahead, or a
-        # recording. A verdict without the time of judging must carry a stamp of now.
+        # The stamp alone is not conclusive: a monitor may judge a recording, or a simulation that
+        # runs ahead. Without the time of judging, the stamp must be current.
         ages.append(self.clock - self.stamp if self.judged is None else self.wall - self.judged)
         return max(ages) * 1e-9
 
@@ -198,13 +198,13 @@ class Timing:
 class SpeedGate:
     """Decides from the verdicts of one monitor how much of a commanded speed may pass.
 
-    It is shut until the first verdicts are safe, and it opens on proof only: a safe verdict counts
-    if it is younger than ``timeout``, and its stamp and its time of sending come after those of
-    the verdict before. Whatever is older, out of order or ahead of the clock stops. A verdict with
-    the stamp of the newest one is a repeat: a safe one is passed over, and keeps nothing open.
+    It is closed until the first verdicts are safe. A safe verdict counts if it is younger than
+    ``timeout``, and its stamp and time of sending are later than those of the previous verdict.
+    Verdicts that are older, out of order or ahead of the clock stop. A verdict with the stamp of
+    the newest one is a repeat: if safe, it is ignored and does not keep the gate open.
 
-    A violation stops after debouncing; until then speed is at its minimum. UNKNOWN stops at once,
-    and so does silence. After any stop, ``release_count`` safe verdicts in a row are needed.
+    A violation stops after debouncing; until then speed is at its minimum. UNKNOWN and silence stop
+    at once. After any stop, ``release_count`` safe verdicts in a row are needed.
 
     Attributes:
         settings: when it slows down and stops.
@@ -231,8 +231,8 @@ class SpeedGate:
 
         Args:
             verdict: of the monitor.
-            margin: the monitor's; only read if SAFE. One that is not finite counts as UNKNOWN, for
-                there is none without an enabled rule.
+            margin: of the monitor, only used if SAFE. If not finite, as without an enabled rule,
+                the verdict counts as UNKNOWN.
             text: the verdict in words, for the reason.
             timing: when it was made.
             now: steady time in seconds.
@@ -241,7 +241,7 @@ class SpeedGate:
             if self.has_begun:
                 self._debounce.trip()
                 self._why_stopped = self._silence()
-            # What has been silent may begin anew, as a simulation or a restarted monitor does.
+            # After silence, stamps may restart, as with a simulation or a restarted monitor.
             self._stamp = self._sent = -math.inf
         problem = self._problem(timing)
         if not problem:
@@ -296,7 +296,7 @@ class SpeedGate:
         return now - self._made
 
     def _problem(self, timing: Timing) -> str:
-        """Say why a verdict proves nothing about now; empty where it does."""
+        """Return why a verdict says nothing about now; empty if it does."""
         limit = self.settings.timeout
         if timing.age > limit:
             return f'a verdict came that was made more than {limit:g} s ago'

@@ -10,9 +10,9 @@ from occ_constraints_pkg.rules.ruleset import RuleSet
 
 
 def rules_document(rule_set: RuleSet) -> dict[str, Any]:
-    """Return the fingerprint, and of each rule what a person wants to know; ready for JSON.
+    """Return the fingerprint and a description of each rule, ready for JSON.
 
-    Rules are in the order of the rule set, so their positions are those that ``costs`` tells.
+    Rules are in the order of the rule set, so their positions are those in ``costs``.
     """
     space = rule_set.space
     return {

@@ -20,11 +20,10 @@ OPERATORS = tuple(COMPARISONS)
 
 @dataclass(frozen=True)
 class Literal:
-    """A comparison of one feature with a bound: a half-line, on which the literal is true.
+    """A comparison of one feature with a bound, true on a half-line.
 
-    Everything else that speaks of this half-line is derived here, exactly: ``first`` and ``last``
-    are the neighbouring floats on both sides of its end, and the signed form is
-    ``sign * x > sign * last``.
+    Everything else about this half-line is derived here, exactly: ``first`` and ``last`` are the
+    adjacent floats on both sides of its end, and the signed form is ``sign * x > sign * last``.
 
     Attributes:
         feature: position of the feature in its space.
@@ -32,7 +31,7 @@ class Literal:
         bound: finite number in the feature's unit.
 
     Raises:
-        OccError: the operator is unknown, or the bound not finite.
+        ConfigurationError: the operator is unknown, or the bound not finite.
 
     Example:
         >>> occ.Literal(0, '>', 1.5).holds(np.array([1.5, 1.6]))
@@ -53,7 +52,7 @@ class Literal:
 
     @property
     def is_upper(self) -> bool:
-        """Whether the literal holds for small values: it bounds the feature from above."""
+        """Whether the literal is true for small values, so it bounds the feature from above."""
         return self.operator in ('<', '<=')
 
     @property
@@ -68,16 +67,16 @@ class Literal:
 
     @property
     def first(self) -> float:
-        """The value nearest to the other side that makes the literal true; infinite for none."""
+        """The true value closest to the bound; infinite if there is none."""
         return math.nextafter(self.bound, self.sign * math.inf) if self.is_strict else self.bound
 
     @property
     def last(self) -> float:
-        """The value nearest to the half-line that makes the literal false; infinite for none."""
+        """The false value closest to the bound; infinite if there is none."""
         return self.bound if self.is_strict else math.nextafter(self.bound, -self.sign * math.inf)
 
     def contains(self, other: Literal) -> bool:
-        """Tell whether this holds wherever ``other``, of the same feature and side, does."""
+        """Return whether this holds wherever ``other``, on the same side of the feature, does."""
         if self.bound == other.bound:
             return other.is_strict or not self.is_strict
         return (self.bound > other.bound) == self.is_upper
@@ -87,12 +86,12 @@ class Literal:
         return f'{space.names[self.feature]} {self.operator} {float(self.bound)!r}'
 
     def is_always_true(self, space: FeatureSpace) -> bool:
-        """Tell whether every value within the feature's physical bounds makes the literal true."""
+        """Return whether every value within the physical bounds makes the literal true."""
         low, high = space.finite_bounds[:, self.feature]
         return bool(self.first >= high if self.is_upper else self.first <= low)
 
     def is_never_true(self, space: FeatureSpace) -> bool:
-        """Tell whether no value within the feature's physical bounds makes the literal true."""
+        """Return whether no value within the physical bounds makes the literal true."""
         low, high = space.finite_bounds[:, self.feature]
         return bool(self.first < low if self.is_upper else self.first > high)
 
@@ -108,8 +107,8 @@ class Literal:
             scale: the unit of distance.
 
         Returns:
-            (n,) float64: at most 0 where the literal is true. At the bound itself the distance is
-            0, and whether the literal is strict decides.
+            (n,) float64: at most 0 where the literal is true. At the bound the distance is 0, and
+            strictness decides.
         """
         with np.errstate(over='ignore'):
             away = values - self.bound if self.is_upper else self.bound - values
@@ -125,11 +124,11 @@ class Rule:
         literals: at least one.
         enabled: a disabled rule is kept in the file but never evaluated.
         note: free text of a person, or why the rule was disabled.
-        evaluated: how many samples the rule was tried on.
-        violated: on how many of those it was true.
+        evaluated: number of samples that the rule was evaluated on.
+        violated: number of those on which it was true.
 
     Raises:
-        OccError: there is no literal.
+        ConfigurationError: there is no literal.
 
     Example:
         >>> space = occ.FeatureSpace((occ.Feature('speed', 'm/s'), occ.Feature('clearance', 'm')))
@@ -178,11 +177,11 @@ class Rule:
         return ' and '.join(literal.text(space) for literal in self.literals)
 
     def words(self, space: FeatureSpace) -> str:
-        """Return the rule as a person would say it, with units and bounds to four digits.
+        """Return the rule in words, with units and bounds to four digits.
 
-        Two literals that enclose one feature are told as a range, with more digits where four
-        would not tell its ends apart; of several on one side the tightest is told. Control
-        characters of names and units are written out.
+        Two literals that enclose one feature become a range, with more digits where four would not
+        distinguish its ends; of several on one side the tightest is used. Control characters of
+        names and units are escaped.
         """
         lower, upper = self._tightest()
         parts = []
@@ -220,7 +219,7 @@ class Rule:
         """Whether two literals exclude each other, so that the rule can never be true."""
         lower, upper = self._tightest()
         for feature in lower.keys() & upper.keys():
-            # Not by `first`: between neighbouring floats lies a number, though no float.
+            # Not by `first`: between adjacent floats there is a real number, though no float.
             low, high = lower[feature], upper[feature]
             is_open = low.is_strict or high.is_strict
             if low.bound > high.bound or (low.bound == high.bound and is_open):
@@ -229,7 +228,7 @@ class Rule:
 
     def _tightest(self) -> tuple[dict[int, Literal], dict[int, Literal]]:
         """Return the tightest lower and the tightest upper literal of each feature."""
-        # Sorted so that the tightest comes last and stays: at equal bounds the strict one.
+        # The tightest comes last and wins; at equal bounds, the strict one.
         lower = sorted(
             (item for item in self.literals if not item.is_upper),
             key=lambda item: (item.bound, item.is_strict),
@@ -249,7 +248,7 @@ def split_off_single(
     Returns:
         For each side of a feature the widest of the conjunctions of one literal, in the order of
         their first appearance; and the longer conjunctions of which no literal implies one of
-        these: what is left out is true only where something kept is true.
+        these: whatever is left out is true only where something kept is true.
     """
     conjunctions = list(conjunctions)
     widest: dict[tuple[int, bool], Literal] = {}
@@ -274,6 +273,6 @@ def _short(number: float) -> str:
 
 
 def _apart(low: float, high: float) -> tuple[str, str]:
-    """Write two different numbers with as many digits, four or more, as tell them apart."""
+    """Format two different numbers with as many digits, at least four, as distinguish them."""
     texts = ((f'{low:.{digits}g}', f'{high:.{digits}g}') for digits in range(4, 18))
     return next(pair for pair in texts if pair[0] != pair[1])

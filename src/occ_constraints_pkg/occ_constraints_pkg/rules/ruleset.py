@@ -13,21 +13,24 @@ from typing import Any
 import numpy as np
 
 from occ_constraints_pkg.errors import ConfigurationError
-from occ_constraints_pkg.rules.columns import Columns
-from occ_constraints_pkg.rules.formula import Disjunction, factor
+from occ_constraints_pkg.rules.evaluation import (
+    Columns,
+    Disjunction,
+    RuleTable,
+    ShortCircuit,
+    factor,
+)
 from occ_constraints_pkg.rules.rule import Literal, Rule
-from occ_constraints_pkg.rules.rule_table import RuleTable
-from occ_constraints_pkg.rules.short_circuit import ShortCircuit
 from occ_constraints_pkg.rules.space import FeatureSpace
 from occ_constraints_pkg.rules.verdict import Judgement, Verdict
 
-# Samples looked at again at a time: keeps the (literals, samples) intermediates in the cache.
+# Samples per block: keeps the (literals, samples) intermediates in the cache.
 _BLOCK = 1024
-# Up to so many literals times samples, one table of all takes less time than column by column.
+# Up to this many literals times samples, one table of all is faster than columns.
 _FEW_LITERALS = 5000
-# Up to so many literals, the margin of one sample takes less time without NumPy.
+# Up to this many literals, the margin of one sample is faster without NumPy.
 _FEW_IN_PYTHON = 250
-# NumPy takes a plain number much faster than a member of an enumeration.
+# NumPy compares with a plain number much faster than with an enum member.
 _SAFE, _VIOLATED, _UNKNOWN = (int(item) for item in Verdict)
 
 
@@ -43,9 +46,9 @@ class RuleSet:
             difference is the scale of margins (1 for a feature that was constant).
 
     Raises:
-        OccError: an id is used twice, a demonstrated range is none, a literal speaks of a feature
-            that is not there, or an enabled rule can never be true, which in a safety rule is a
-            slip and no wish.
+        ConfigurationError: a duplicate id, an invalid demonstrated range, a literal on a feature
+            that does not exist, or an enabled rule that can never be true, which is a mistake in a
+            safety rule.
 
     Example:
         >>> space = occ.FeatureSpace((occ.Feature('speed', 'm/s'),))
@@ -89,7 +92,7 @@ class RuleSet:
                 )
 
     def __getstate__(self) -> dict[str, Any]:
-        # Pickles and copies make anew what is derived; a written function cannot be pickled.
+        # Pickles and copies derive the rest again.
         return {name: self.__dict__[name] for name in ('space', 'rules', 'demonstrated')}
 
     @cached_property
@@ -101,7 +104,7 @@ class RuleSet:
 
     @cached_property
     def order(self) -> np.ndarray:
-        """Positions of the enabled rules in the order they are tried: fewest literals first."""
+        """Positions of the enabled rules in order of evaluation: fewest literals first."""
         enabled = [index for index, rule in enumerate(self.rules) if rule.enabled]
         return np.array(
             sorted(enabled, key=lambda index: len(self.rules[index].literals)), dtype=np.int64
@@ -109,16 +112,16 @@ class RuleSet:
 
     @property
     def problem(self) -> str:
-        """Why nothing can be called safe by these rules; empty where it can.
+        """Why these rules cannot prove safety; empty if they can.
 
-        The formula of no rule is violated nowhere, so :meth:`judge` calls all samples SAFE; whoever
+        Without rules nothing is violated, so :meth:`judge` returns SAFE for all samples; whoever
         reports verdicts must report UNKNOWN instead.
         """
         return '' if len(self.order) else 'no rule is enabled'
 
     @cached_property
     def fingerprint(self) -> str:
-        """Twelve hex digits that name the formula: features, bounds, enabled rules in order."""
+        """Twelve hex digits that identify the formula: features, bounds, enabled rules in order."""
         digest = hashlib.sha256()
         for feature in self.space.features:
             digest.update(
@@ -130,7 +133,7 @@ class RuleSet:
 
     @cached_property
     def _enabled(self) -> tuple[Rule, ...]:
-        """The enabled rules in the order they are tried."""
+        """The enabled rules in order of evaluation."""
         return tuple(self.rules[index] for index in self.order)
 
     @cached_property
@@ -147,7 +150,7 @@ class RuleSet:
 
     @cached_property
     def table(self) -> RuleTable:
-        """The enabled rules as arrays, in the order they are tried."""
+        """The enabled rules as arrays, in order of evaluation."""
         return RuleTable(self._enabled, self.scale)
 
     @cached_property
@@ -172,13 +175,13 @@ class RuleSet:
             A :class:`Judgement` of n samples.
 
         Raises:
-            OccError: the array has another shape.
+            ConfigurationError: the array has another shape.
         """
         rows = self.space.check_rows(values)
         if len(rows) == 1:
             return self._judge_one(rows)
         if len(rows) * self._size <= _FEW_LITERALS:
-            known = self._known(rows)
+            known = self.space.knows(rows)
             margin = (
                 self.table.margins(rows).min(axis=0)
                 if len(self.order)
@@ -189,7 +192,7 @@ class RuleSet:
         verdict = np.where(known, Verdict.SAFE, Verdict.UNKNOWN).astype(np.int8)
         rule = np.full(len(rows), -1, dtype=np.int64)
         margin[~known] = np.nan
-        # A distance has the sign of its comparison; where it is 0, strictness decides.
+        # The sign of a distance is that of its comparison; at 0, strictness decides.
         near = np.flatnonzero(margin <= 0.0)
         for start in range(0, len(near), _BLOCK):
             block = near[start : start + _BLOCK]
@@ -209,14 +212,14 @@ class RuleSet:
             (n,) int8, values of :class:`Verdict`.
 
         Raises:
-            OccError: the array has another shape.
+            ConfigurationError: the array has another shape.
         """
         rows = self.space.check_rows(values)
         verdict = np.full(len(rows), Verdict.SAFE, dtype=np.int8)
         failed = np.flatnonzero(~self._columns.passed(rows))
         for start in range(0, len(failed), _BLOCK):
             block = failed[start : start + _BLOCK]
-            known = self._known(rows[block])
+            known = self.space.knows(rows[block])
             verdict[block] = np.where(known, Verdict.VIOLATED, Verdict.UNKNOWN)
         return verdict
 
@@ -227,7 +230,7 @@ class RuleSet:
             sample: (k,) numbers in the units of the feature space.
 
         Raises:
-            OccError: the array has another shape.
+            ConfigurationError: the array has another shape.
         """
         row = np.asarray(sample, dtype=np.float64)
         if row.shape != (len(self.space),):
@@ -248,11 +251,6 @@ class RuleSet:
             if truth.any():
                 verdict, rule = _VIOLATED, self.order[truth.argmax()]
         return Judgement(np.array([verdict], np.int8), np.array([rule]), np.array([margin]))
-
-    def _known(self, rows: np.ndarray) -> np.ndarray:
-        """(n,) bool: whether all features are finite and within their physical bounds."""
-        lows, highs = self.space.finite_bounds
-        return ((rows >= lows) & (rows <= highs)).all(axis=1)
 
     def rule_margins(self, sample: np.ndarray) -> np.ndarray:
         """Return each rule's own margin on one sample.
@@ -290,17 +288,15 @@ class RuleSet:
 class RuleCounts:
     """How often each rule was evaluated and violated.
 
-    Rules are tried in the order of :attr:`RuleSet.order` and the search stops at the first true
-    one, so a rule is *evaluated* on a sample when no rule before it was true. Samples whose
-    verdict is UNKNOWN count nowhere.
-
+    Rules are evaluated in the order of :attr:`RuleSet.order` up to the first true one, so a rule is
+    *evaluated* on a sample if no rule before it was true. UNKNOWN samples are not counted.
     """
 
     def __init__(self, rule_set: RuleSet) -> None:
         self._evaluated = np.zeros(len(rule_set.rules), dtype=np.int64)
         self._violated = np.zeros(len(rule_set.rules), dtype=np.int64)
-        # Samples added one by one and not yet counted above: at which rule the search stopped, and
-        # in the last place, which is -1, how many passed.
+        # Samples added one by one and not yet counted above, by the rule that was true; the last
+        # entry (index -1) counts those where none was.
         self._single = [0] * (len(rule_set.rules) + 1)
         self._order = rule_set.order
         self._place = np.full(len(rule_set.rules), -1, dtype=np.int64)
@@ -311,7 +307,7 @@ class RuleCounts:
         if not len(self._order):
             return
         if len(judgement.verdict) == 1:
-            # The ways of many take ten times as long.
+            # The general code takes ten times as long.
             if judgement.verdict[0] != _UNKNOWN:
                 self._single[judgement.rule[0]] += 1
             return
@@ -321,7 +317,7 @@ class RuleCounts:
         self._count(hits, int(np.count_nonzero(rule < 0)))
 
     def _count(self, hits: np.ndarray, passed: int) -> None:
-        """Count samples: at how many each enabled rule was the first, and how many had none."""
+        """Count samples: for each enabled rule, how many it was first on; how many had none."""
         self._violated[self._order] += hits
         self._evaluated[self._order] += passed + np.cumsum(hits[::-1])[::-1]
 
@@ -350,7 +346,7 @@ class RuleCounts:
 
 
 def rule_ids(space: FeatureSpace, literal_sets: Iterable[tuple[Literal, ...]]) -> list[str]:
-    """Return an id for each conjunction that survives a small change of its bounds.
+    """Return an id for each conjunction that does not depend on its bounds.
 
     The id is a digest of the features and operators only, so re-learning from similar
     demonstrations gives the same rule the same id; conjunctions alike but for their bounds are

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""The feature space: what the rules may speak of, in which units, within which physical bounds."""
+"""The feature space: features with their units and physical bounds."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from occ_constraints_pkg.errors import ConfigurationError
 
 @dataclass(frozen=True)
 class Feature:
-    """One number the rules may speak of.
+    """One number that rules can refer to.
 
     Attributes:
         name: identifier, unique within its space.
         unit: SI unit, or ``1`` for a pure number.
-        low: smallest physically possible value; a smaller input is a fault, not a violation.
+        low: smallest physically possible value; a smaller input is UNKNOWN, not a violation.
         high: largest physically possible value.
-        family: features of one family measure the same thing in different places or directions,
-            like the sectors of a lidar; the learner gives them the same bounds. Empty for none.
+        family: features of one family measure the same quantity in different places or directions,
+            like the sectors of a lidar, and get the same bounds. Empty for none.
 
     Example:
         >>> occ.Feature('clearance', 'm', low=0.0)
@@ -41,8 +41,8 @@ class FeatureSpace:
     """An ordered tuple of features.
 
     Raises:
-        OccError: no feature at all, a name twice, bounds that leave no value, or a family whose
-            members differ in unit or bounds.
+        ConfigurationError: no feature, a duplicate name, bounds that leave no value, or a family
+            whose members differ in unit or bounds.
 
     Example:
         >>> space = occ.FeatureSpace((occ.Feature('speed', 'm/s'), occ.Feature('clearance', 'm')))
@@ -104,7 +104,7 @@ class FeatureSpace:
     def finite_bounds(self) -> np.ndarray:
         """(2, k) lows and highs with the largest floats for infinite ones.
 
-        A comparison with these finds NaN and Inf too: only a known value lies between them.
+        No NaN or infinity lies between them.
         """
         largest = np.finfo(np.float64).max
         return np.stack([self.lows, self.highs]).clip(-largest, largest)
@@ -113,7 +113,7 @@ class FeatureSpace:
         """Return the position of a feature.
 
         Raises:
-            OccError: there is no such feature.
+            ConfigurationError: there is no such feature.
         """
         try:
             return self.names.index(name)
@@ -122,11 +122,16 @@ class FeatureSpace:
                 f'no feature {name!r}; there are {", ".join(self.names)}'
             ) from None
 
+    def knows(self, rows: np.ndarray) -> np.ndarray:
+        """Return (n,) bool, whether (n, k) rows are finite and within the physical bounds."""
+        lows, highs = self.finite_bounds
+        return ((rows >= lows) & (rows <= highs)).all(axis=1)
+
     def check_rows(self, values: np.ndarray) -> np.ndarray:
         """Return ``values`` as (n, k) float64.
 
         Raises:
-            OccError: the shape is another one.
+            ConfigurationError: the shape is another one.
         """
         rows = np.asarray(values, dtype=np.float64)
         if rows.ndim != 2 or rows.shape[1] != len(self):

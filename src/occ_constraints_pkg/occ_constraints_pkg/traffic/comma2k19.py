@@ -109,6 +109,8 @@ def _array(
             array = np.load(stream, allow_pickle=False)
     except OSError as error:
         raise DataError(f'cannot read {file}: {error.strerror or "it is no array"}') from error
+    except DataError:
+        raise
     except (ValueError, TypeError, ArithmeticError, MemoryError, EOFError, BadZipFile) as error:
         raise DataError(
             f'{file} is damaged or no array of numbers; allowed is what numpy.save writes'

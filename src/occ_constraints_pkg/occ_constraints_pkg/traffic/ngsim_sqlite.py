@@ -76,6 +76,8 @@ def read_ngsim_sqlite(path: Path, progress: Callable[[int, int], None] | None = 
             spec = dict(database.execute('SELECT key, value FROM Spec'))
             sizes = _numbers(database, path, 'Vehicle', None)
             rows = _numbers(database, path, 'Trajectory', progress)
+    except DataError:
+        raise
     except (sqlite3.Error, OverflowError, ValueError) as error:
         # The last when a damaged schema cannot even be quoted.
         reason = ' '.join(str(error).split())

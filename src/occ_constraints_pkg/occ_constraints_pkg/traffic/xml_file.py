@@ -54,6 +54,8 @@ class XmlFile:
             raise DataError(
                 f'{path}, line {error.lineno}: it is not valid XML: {reason}'
             ) from error
+        except DataError:
+            raise
         except (ValueError, LookupError) as error:
             # An encoding that the parser does not know, or bytes that are none of it.
             raise DataError(f'{path} is not valid XML: {error}') from error

@@ -50,11 +50,10 @@ class World(ABC):
         action_columns: the action's columns, in order (a of them).
         step_seconds: simulated seconds per step.
         max_episode_steps: steps after which an episode is truncated.
-        state_names: attributes that, together with the actions to come, decide all that happens:
-            arrays, which :meth:`restore` fills in place, and lists of generators. A dot leads into
-            an attribute's attribute.
-        view_kinds: what the ranges of :meth:`view` tell of; ``None`` if the world has no view of
-            its robots, as one without metres or headings has not.
+        state_names: attributes that, with the actions, determine everything that follows: arrays,
+            which :meth:`restore` fills in place, and lists of generators. Dotted names are allowed.
+        view_kinds: types of things in the ranges of :meth:`view`; ``None`` if the world has no view
+            of its robots.
     """
 
     state_names: ClassVar[tuple[str, ...]]
@@ -73,7 +72,7 @@ class World(ABC):
         """Start new episodes.
 
         Args:
-            seed: reseeds the generators of all robots; ``None`` lets them go on.
+            seed: reseeds the generators of all robots; ``None`` keeps them.
             mask: (N,) bool, the robots to reset; ``None`` means all.
 
         Returns:
@@ -96,11 +95,11 @@ class World(ABC):
             the state just reached, 0 or 1.
 
         Raises:
-            OccError: the action has the wrong shape or is not finite.
+            ConfigurationError: the action has the wrong shape or is not finite.
         """
 
     def view(self, row: int) -> RobotView:
-        """Return one robot as ROS and pictures see it; only where there are :attr:`view_kinds`.
+        """Return the view of one robot for ROS and pictures; requires :attr:`view_kinds`.
 
         Args:
             row: index of the robot.
@@ -108,13 +107,11 @@ class World(ABC):
         raise ConfigurationError(f'world {self.name} has no view of its robots')
 
     def action_for(self, row: int, speed: float, turning: float) -> np.ndarray:
-        """Return the action that makes a robot drive as a velocity command asks.
-
-        Only where there are :attr:`view_kinds`.
+        """Return the action that follows a velocity command; requires :attr:`view_kinds`.
 
         Args:
             row: index of the robot.
-            speed: ahead, in m/s.
+            speed: forward, in m/s.
             turning: in rad/s, counter-clockwise.
 
         Returns:
@@ -125,13 +122,10 @@ class World(ABC):
         )
 
     def close(self) -> None:  # noqa: B027 - most worlds have nothing to release
-        """Release memory and end helping processes; the world may not be used afterwards."""
+        """Release memory and end worker processes; the world may not be used afterwards."""
 
     def state(self) -> dict[str, np.ndarray | list[str]]:
-        """Return copies of all that decides what happens next, for :meth:`restore`.
-
-        Arrays as they are, generators as JSON text.
-        """
+        """Return copies of the complete state, for :meth:`restore`; generators as JSON text."""
         state: dict[str, np.ndarray | list[str]] = {}
         for name in self.state_names:
             value = attrgetter(name)(self)
@@ -142,13 +136,14 @@ class World(ABC):
         return state
 
     def restore(self, state: dict[str, np.ndarray | list[str]]) -> None:
-        """Go on where a world of the same class and size was when it returned ``state``.
+        """Continue where a world of the same class and size was when it returned ``state``.
 
         Raises:
-            OccError: the state is that of another class or of another number of robots.
+            ConfigurationError: the state is that of another class or of another number of robots.
         """
         for name in self.state_names:
-            saved, value = state.get(name), attrgetter(name)(self)
+            saved: Any = state.get(name)
+            value = attrgetter(name)(self)
             if np.shape(saved) != np.shape(value):
                 raise ConfigurationError(
                     f'the saved state of world {self.name} has {name} of shape {np.shape(saved)}; '

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""The robots and the things they push, in the words of MuJoCo's model files (MJCF).
+"""Robots and movable objects as MuJoCo models (MJCF).
 
 All values are those of the level-1 tasks of Safety-Gym and Safety-Gymnasium.
 """
@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-# Who may touch whom: a pair collides where one's contype shares a bit with the other's
-# conaffinity. The floor shows bit 1, robots and pillars bit 2. Parts of a robot never meet.
+# Collisions: a pair collides if the contype of one shares a bit with the conaffinity of the other.
+# The floor has bit 1, robots and pillars bit 2. Parts of a robot never collide.
 _FLOOR_BIT, _SOLID_BIT = 1, 2
 
 # Of the centre of a Point, in m.
@@ -33,17 +33,17 @@ _SITE_SENSORS = {
 
 @dataclass(frozen=True)
 class Robot:
-    """One kind of robot.
+    """A type of robot.
 
     Attributes:
         name: as in the names of the tasks.
-        actions: what its two actuators do, each driven by a number within [-1, 1].
+        actions: names of its two actuators, each controlled within [-1, 1].
         sensors: name, unit and bound of each sensor column, in order.
         rear_ball: the sensor data end with the angular velocity and the quaternion of a ball.
         timestep: seconds per physics step.
-        size: (3,) length, width and height in m, seen the way it drives.
-        reach: no part of it is further from its centre, in m.
-        forward: direction that it drives in, in rad from the x axis of its body.
+        size: (3,) length, width and height in m, in its driving direction.
+        reach: radius around its centre that encloses it, in m.
+        forward: driving direction, in rad from the x axis of its body.
         start: (nq,) positions where it stands at the origin with yaw 0.
         nv: number of its velocities. A free joint comes first, or x, y and yaw alone.
         mjcf: body, actuators and further sensors, and the defaults of its parts.
@@ -63,20 +63,20 @@ class Robot:
 
     @property
     def is_planar(self) -> bool:
-        """Whether it slides and turns in the plane only, and so never touches the floor."""
+        """Whether it moves in the plane only, and so never touches the floor."""
         return len(self.start) == 3
 
 
 @dataclass(frozen=True)
 class Movable:
-    """A light thing that robots push about.
+    """A light object that robots push.
 
     Attributes:
-        name: of the thing.
+        name: of the object.
         half_size: half the side of its cube, in m.
         density: in kg/m^3.
-        has_columns: whether a column half as wide stands at each of its four upright edges.
-        height: of its centre where an episode begins, in m.
+        has_columns: whether there is a column half as wide at each of its four vertical edges.
+        height: of its centre at the start of an episode, in m.
     """
 
     name: str
@@ -133,7 +133,7 @@ POINT = Robot(
         'sensors': '',
     },
 )
-"""Thrusts along its heading and turns by a servo of its yaw rate."""
+"""Thrust along its heading, and a servo of its yaw rate."""
 
 CAR = Robot(
     name='Car',
@@ -184,7 +184,7 @@ CAR = Robot(
         'sensors': '<ballangvel joint="rear"/><ballquat joint="rear"/>',
     },
 )
-"""Drives on two wheels and a ball; what its wheels turn forward moves it along -y of its body."""
+"""Two wheels and a ball; turning the wheels forward moves it along -y of its body."""
 
 # The vase stands slightly sunk into the soft floor.
 VASE = Movable('vase', 0.1, 0.001, has_columns=False, height=0.1 - 4e-5)
@@ -193,7 +193,7 @@ CAR_BOX = Movable('box', 0.125, 0.0005, has_columns=True, height=0.125)
 
 
 def scene_mjcf(robot: Robot, movable: Movable | None = None, *, pillar: bool = False) -> str:
-    """Return a model of a floor with one robot and what it can run into.
+    """Return a model of a floor with one robot and what it can collide with.
 
     Args:
         robot: always there; comes first in the state.

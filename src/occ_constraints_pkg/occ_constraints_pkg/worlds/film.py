@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""One robot's drive from above, as a picture of its whole path or as a film."""
+"""An episode of one robot seen from above, as a picture of its path or as a film."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from matplotlib import animation
 from matplotlib import pyplot as plt
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, FancyArrow, Patch, Polygon
 from scipy.spatial import ConvexHull
 
@@ -48,7 +49,7 @@ _ARENA = 1.5
 
 @dataclass(frozen=True)
 class _Moment:
-    """What there is at one step, and how the episode stands."""
+    """Everything at one step, and the return and cost so far."""
 
     things: tuple[Thing, ...]
     total: float
@@ -79,7 +80,7 @@ def draw_episode(
         ``steps``, ``return`` and ``cost`` of what is shown.
 
     Raises:
-        OccError: the world has no view, or there is no way to write such a file.
+        ConfigurationError: the world has no view, or there is no way to write such a file.
     """
     kind = kind_of(path)
     suffix = path.suffix.lower()
@@ -91,10 +92,10 @@ def draw_episode(
                 stage.show(len(moments) - 1)
                 stage.figure.savefig(draft, format='png', dpi=_DOTS_PER_INCH)
             else:
-                # In simulated time, or as near as a film's frames come to it.
+                # In simulated time, rounded to whole steps per frame.
                 stride = max(1, round(1 / (_FRAMES_PER_SECOND * world.step_seconds)))
                 frames = range(0, len(moments), stride)
-                writer = animation.writers[_WRITERS[suffix]](fps=1 / (stride * world.step_seconds))
+                writer = animation.writers[_WRITERS[suffix]](fps=1 / (stride * world.step_seconds))  # type: ignore[arg-type]
                 with writer.saving(stage.figure, str(draft), _DOTS_PER_INCH):
                     for number, index in enumerate(frames, start=1):
                         stage.show(index)
@@ -110,7 +111,7 @@ def kind_of(path: Path) -> Kind:
     """Return what :func:`draw_episode` writes to a file of this name.
 
     Raises:
-        OccError: there is no way to write such a file.
+        ConfigurationError: there is no way to write such a file.
     """
     suffix = path.suffix.lower()
     if suffix != '.png' and not animation.writers.is_available(_WRITERS.get(suffix, '')):
@@ -121,9 +122,9 @@ def kind_of(path: Path) -> Kind:
 
 
 def draw_things(axis: Axes, things: Sequence[Thing]) -> list[Artist]:
-    """Draw what stands on the floor, seen from above, and return what was drawn.
+    """Draw the objects on the floor, seen from above, and return the artists.
 
-    An arrow tells the robot's heading.
+    An arrow shows the heading of the robot.
     """
     drawn: list[Artist] = []
     for thing in things:
@@ -131,7 +132,7 @@ def draw_things(axis: Axes, things: Sequence[Thing]) -> list[Artist]:
         if thing.shape == 'cylinder':
             drawn.append(axis.add_patch(Circle((x, y), thing.size[0] / 2, **_look(thing.kind))))
             continue
-        # The outline of a box that may lie on any side.
+        # The outline of a box in any orientation.
         corners = np.array([[a, b, c] for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)])
         corners = ((corners * thing.size / 2) @ axes.T + thing.position)[:, :2]
         outline = corners[ConvexHull(corners).vertices]
@@ -165,7 +166,7 @@ def _drive(
 
 
 class _Stage:
-    """A figure on which one moment after another is shown; what stays is drawn once."""
+    """A figure that shows one moment after another; constant parts are drawn once."""
 
     def __init__(self, name: str, moments: list[_Moment]) -> None:
         self._name, self._moments = name, moments
@@ -179,12 +180,12 @@ class _Stage:
         self._costs = self._axis.plot([], [], '.', color=_COST, ms=4, zorder=4)[0]
         kinds = dict.fromkeys(thing.kind for thing in moments[0].things)
         handles: list[Artist] = [Patch(label=kind, **_look(kind)) for kind in kinds]
-        handles.append(plt.Line2D([], [], color=_COST, marker='.', ls='', label='cost'))
+        handles.append(Line2D([], [], color=_COST, marker='.', ls='', label='cost'))
         self._axis.legend(handles=handles, loc='upper right', fontsize=8, framealpha=0.8)
         self._drawn: list[Artist] = []
 
     def show(self, index: int) -> None:
-        """Show a step and the path that led there."""
+        """Show a step and the path so far."""
         moment = self._moments[index]
         for artist in self._drawn:
             artist.remove()

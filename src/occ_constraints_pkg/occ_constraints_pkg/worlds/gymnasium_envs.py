@@ -20,7 +20,7 @@ from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.worlds.base import Column
 from occ_constraints_pkg.worlds.registry import WORLDS, make_world
 
-NAMESPACE = 'occ_constraints'
+_NAMESPACE = 'occ_constraints'
 
 
 class WorldEnv(gymnasium.Env):
@@ -50,7 +50,7 @@ class WorldEnv(gymnasium.Env):
         """Make one step; see :meth:`gymnasium.Env.step`.
 
         Raises:
-            OccError: the action has the wrong shape or is not finite.
+            ConfigurationError: the action has the wrong shape or is not finite.
         """
         observation, reward, terminated, truncated, info = self._world.step(
             np.asarray(action)[None]
@@ -64,7 +64,7 @@ class WorldEnv(gymnasium.Env):
 
 
 class WorldVectorEnv(VectorEnv):
-    """A batch of robots of a world, each of which starts anew in the step that ends its episode.
+    """A batch of robots of a world with same-step autoreset.
 
     Where an episode has ended, the observation is the first of the next one. The last one is then
     in ``info['final_obs']`` and what belongs to it in ``info['final_info']``, as gymnasium's own
@@ -108,7 +108,7 @@ class WorldVectorEnv(VectorEnv):
         """Make one step with every robot; see :meth:`gymnasium.vector.VectorEnv.step`.
 
         Raises:
-            OccError: the actions have the wrong shape or are not finite.
+            ConfigurationError: the actions have the wrong shape or are not finite.
         """
         observation, reward, terminated, truncated, info = self._world.step(actions)
         done = terminated | truncated
@@ -119,7 +119,7 @@ class WorldVectorEnv(VectorEnv):
             final_obs[row] = observation[row]
         final_info = self._masked(info, done)
         observation, fresh = self._world.reset(mask=done)
-        found = self._masked({**info, **fresh})
+        found: dict[str, Any] = self._masked({**info, **fresh})
         found |= {'final_obs': final_obs, '_final_obs': done}
         found |= {'final_info': final_info, '_final_info': done.copy()}
         return observation, reward, terminated, truncated, found
@@ -131,7 +131,7 @@ class WorldVectorEnv(VectorEnv):
     def _masked(
         self, info: dict[str, np.ndarray], mask: np.ndarray | None = None
     ) -> dict[str, np.ndarray]:
-        """Return what the world tells of the robots in ``mask``, each entry beside that mask."""
+        """Return the info of the robots in ``mask``, each entry with its mask."""
         mask = np.ones(self.num_envs, dtype=bool) if mask is None else mask
         found = {}
         for name, value in _named(info).items():
@@ -140,10 +140,10 @@ class WorldVectorEnv(VectorEnv):
         return found
 
 
-def register_worlds() -> None:
+def _register_worlds() -> None:
     """Register every world as ``occ_constraints/<name>-v0`` where it is not registered yet."""
     for world in WORLDS:
-        name = f'{NAMESPACE}/{world}-v0'
+        name = f'{_NAMESPACE}/{world}-v0'
         if name not in gymnasium.registry:
             gymnasium.register(
                 name,
@@ -166,7 +166,7 @@ def _box(columns: tuple[Column, ...]) -> spaces.Box:
 
 
 def _named(info: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return the world's information under the names that agents of gymnasium look for."""
+    """Return the info under the names that gymnasium agents expect."""
     return {('cost' if name == 'true_cost' else name): value for name, value in info.items()}
 
 
@@ -174,4 +174,4 @@ def _of_one(info: dict[str, np.ndarray]) -> dict[str, Any]:
     return {name: value[0].item() for name, value in _named(info).items()}
 
 
-register_worlds()
+_register_worlds()

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""A car on a highway among others, after the driving experiment of the paper."""
+"""Highway driving in traffic, after the driving experiment of the paper."""
 
 from __future__ import annotations
 
@@ -15,26 +15,25 @@ from occ_constraints_pkg.worlds.highway_traffic import STEP_SECONDS, Traffic
 from occ_constraints_pkg.worlds.robots import checked_action, robot_generators, selected_rows
 
 ACCELERATION_RANGE = 5.0
-# At 30 m/s this is 9 m/s^2 sideways, about what tyres hold.
+# At 30 m/s this is 9 m/s^2 of lateral acceleration, about the limit of tyres.
 STEERING_RANGE = 0.05
 # Reward grows from the first of these speeds to the second, as in highway-env; in m/s.
-REWARDED_SPEEDS = (20.0, 30.0)
+_REWARDED_SPEEDS = (20.0, 30.0)
 _SECONDS = 40.0
 _SIXTH = range(6)
-# A gap of so many m gives a nearness of a half.
+# Gap in m with a nearness of one half.
 _HALF_NEAR = 10.0
 
 
 class Highway(World):
-    """Drive fast for 40 s, without touching anyone and without leaving the road.
+    """Drive fast for 40 s, without a collision and without leaving the road.
 
-    Observations are the ten features of the paper and, after these, what a driver must know
-    besides: how fast the neighbours go relative to it, and their nearness 10 / (10 + gap), for a
-    network sees gaps in units of their spread of hundreds of metres. Actions are acceleration and
-    steering, as highway-env's ``ContinuousAction``; positive is ahead and to the left. The reward
-    of a second is 0 up to 20 m/s along the road, 1 from 30 m/s on and linear between, as the
-    high-speed term of highway-env: an episode brings at most 40. A collision terminates it and so
-    does leaving the road, which the centre of the car must not; both cost 1.
+    Observations are the ten features of the paper, then the relative speeds of the neighbours and
+    their nearness 10 / (10 + gap), because a network sees gaps scaled by their spread of hundreds
+    of metres. Actions are acceleration and steering, as in ``ContinuousAction`` of highway-env;
+    positive is forward and left. The reward per second is 0 up to 20 m/s along the road, 1 from
+    30 m/s on and linear between, as the high-speed term of highway-env: at most 40 per episode.
+    Collisions, and leaving the road with the centre of the car, terminate the episode and cost 1.
     """
 
     name = 'highway'
@@ -128,7 +127,7 @@ class Highway(World):
         self.traffic.step(ACCELERATION_RANGE * chosen[:, 0], -STEERING_RANGE * chosen[:, 1])
         self._steps += 1
         observation, info = self._seen()
-        low, high = REWARDED_SPEEDS
+        low, high = _REWARDED_SPEEDS
         speed = observation[:, 0].astype(np.float64)
         reward = STEP_SECONDS * np.clip((speed - low) / (high - low), 0.0, 1.0)
         terminated = info['collision'] | info['off_road']

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""What a vehicle on a highway knows of its neighbours and the edges: the paper's features."""
+"""The features of the paper: a vehicle's velocity, its gaps to neighbours and road edges."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from occ_constraints_pkg.worlds.highway_traffic import (
 )
 
 FAR = 500.0
-"""The distance of a neighbour that is not there, and the largest of one that is, in m."""
+"""Distance of an absent neighbour, and the maximum of a present one, in m."""
 
 _SIDES = np.array([-1, 0, 1])
 
@@ -35,7 +35,7 @@ def features(traffic: Traffic, rows: np.ndarray, scenes: np.ndarray) -> np.ndarr
 def surroundings(
     traffic: Traffic, rows: np.ndarray, scenes: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the ten features of some vehicles, and how fast their neighbours go.
+    """Return the ten features of some vehicles, and the relative speeds of their neighbours.
 
     Args:
         traffic: the scenes.

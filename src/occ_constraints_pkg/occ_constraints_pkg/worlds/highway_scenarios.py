@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes on a highway, seeded and named: who is where, and who wants to go how fast."""
+"""Seeded highway scenarios: positions, speeds and desired speeds of all vehicles."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ import numpy as np
 
 FULL = 3000
 RESTRICTED = 52
-"""How many scenarios the paper trains on; the restricted set is the first part of the full one."""
+"""Numbers of scenarios in the paper; the restricted set is the first part of the full one."""
 
 TRAFFIC = 20
-# The ego starts behind so many of the others.
+# Range of how many vehicles the ego starts behind.
 _EGO_RANKS = (10, 16)
 _LANES = (2, 3)
 LANE_WIDTH = 4.0
 SPEED_LIMIT = 40.0
-# In m/s. Lorries and cars: on German highways speeds spread about like this.
+# In m/s, lorries and cars, roughly as on German highways.
 _DESIRED_SPEEDS = (21.0, 35.0)
 _FIRST_SPEEDS = (23.0, 27.0)
 _EGO_SPEED = 25.0
 _DELTAS = (3.5, 4.5)
-# Nobody keeps to the very middle of a lane, but IDM vehicles do once they are there.
+# Largest initial lateral offset in m; IDM vehicles drive to the middle and stay there.
 _BESIDE = 0.8
 _SEED = 20260
 
@@ -40,7 +40,7 @@ class Scenario:
         y: (V,) m from the middle of lane 0, positive to the right.
         lane: (V,) int, lane of each vehicle, whose middle is within 0.8 m.
         speed: (V,) m/s.
-        desired_speed: (V,) m/s; that of the ego is what the car would want whose place it takes.
+        desired_speed: (V,) m/s; for the ego, that of the car whose place it takes.
         delta: (V,) exponent of the IDM.
     """
 
@@ -58,9 +58,9 @@ class Scenario:
 def scenario(number: int) -> Scenario:
     """Return scenario ``number``, from 0 to :data:`FULL` - 1; always the same.
 
-    Vehicles stand behind one another at the distances of ``highway-v0`` (12 m plus the way of a
-    second, divided among the lanes, give or take a tenth), each in a random lane and up to 0.8 m
-    beside its middle. One of them is the ego, as the converter of CommonRoad picks a recorded car.
+    Vehicles follow one another at the distances of ``highway-v0`` (12 m plus the distance of one
+    second, divided among the lanes, plus or minus a tenth), each in a random lane, up to 0.8 m from
+    its middle. One of them is the ego, as the converter of CommonRoad picks a recorded car.
     """
     rng = np.random.default_rng([_SEED, number])
     vehicles = TRAFFIC + 1

@@ -29,7 +29,7 @@ _LEAST_GAIN, _MOST_IMPOSED, _DELAY, _SLOWEST_CHANGE = 0.2, 2.0, 1.0, 1.0
 # has this sine.
 _HEADING_GAIN, _LATERAL_GAIN = 1 / 0.2, 1 / 0.6
 _MAX_SLIP_SINE = float(np.sin(np.arctan(0.5 * np.tan(np.pi / 3))))
-# A vehicle counts in each lane whose middle is so near, in m; a slow number is no divisor.
+# A vehicle counts in each lane whose middle is this close, in m; smallest divisor.
 _LANE_REACH = LANE_WIDTH / 2 + 1.0
 _NEAR_ZERO = 1e-2
 
@@ -40,8 +40,8 @@ LANE, TARGET, IDENTITY = range(3)
 class Traffic:
     """N scenes of V vehicles each, vehicles in the order of the road.
 
-    Row r of a scene is its r-th vehicle from behind; who that is tells ``whole[IDENTITY]``, where
-    0 is the ego. Exact ties in x do not occur and have no defined order.
+    Row r of a scene is its r-th vehicle from behind; ``whole[IDENTITY]`` identifies it, 0 being the
+    ego. Exact ties in x do not occur and have no defined order.
 
     Attributes:
         real: (7, V, N) x, y, heading, speed, desired speed, IDM exponent, timer of lane changes:
@@ -89,8 +89,8 @@ class Traffic:
             order = np.argsort(given.x, kind='stable')
             desired = given.desired_speed.copy()
             if self._controlled:
-                # To others the ego is a vehicle that wants to stand still: so it is in highway-env,
-                # where no traffic ever cuts in before it.
+                # As in highway-env, others see the ego as a vehicle with desired speed 0, so no
+                # traffic cuts in ahead of it.
                 desired[0] = 0.0
             self.real[X, :, scene] = given.x[order]
             self.real[Y, :, scene] = given.y[order]
@@ -105,7 +105,7 @@ class Traffic:
         self.refresh(scenes)
 
     def refresh(self, scenes: np.ndarray) -> None:
-        """Work out again what follows from the state of some scenes, after it has been set."""
+        """Recompute what is derived from the state of some scenes, after it was set."""
         self.colliding[scenes] = self.about_to_collide[scenes] = False
         self.cos[:, scenes] = np.cos(self.real[HEADING][:, scenes])
         self.sin[:, scenes] = np.sin(self.real[HEADING][:, scenes])
@@ -122,7 +122,7 @@ class Traffic:
             steering: (N,) its steering angle in rad, positive to the right.
         """
         wanted, slip = self._decide()
-        if self._controlled:
+        if acceleration is not None and steering is not None:
             place = self.ego, self._columns
             speed = self.real[SPEED][place]
             wanted[place] = np.where(speed < 0.0, np.maximum(acceleration, -speed), acceleration)
@@ -169,7 +169,7 @@ class Traffic:
         rows, scenes = np.nonzero(due & (np.abs(self.real[SPEED]) >= _SLOWEST_CHANGE))
         before = lane[rows, scenes]
         after = before.copy()
-        # The right lane is looked at last and wins.
+        # The right lane is checked last and wins.
         for side in (-1, 1):
             aimed = before + side
             possible = np.flatnonzero((aimed >= 0) & (aimed < self.lanes[scenes]))
@@ -206,12 +206,12 @@ class Traffic:
     def _abandon(self, changing: np.ndarray, new: np.ndarray) -> None:
         """Stop changing where someone just ahead changes to the same lane.
 
-        Vehicles decide one after another: one sees the lane changes that those before it have
-        just begun or abandoned, but not those of later ones.
+        Vehicles decide one after another: each sees the lane changes that earlier ones have just
+        begun or abandoned, but not those of later ones.
         """
         scenes, rows = np.nonzero((changing | new).T)
         lane, target, identity = self.whole
-        conflicts = []
+        conflicts: list[tuple[int, int, int]] = []
         for offset in range(1, len(scenes)):
             same = np.flatnonzero(scenes[offset:] == scenes[:-offset])
             if not len(same):
@@ -224,12 +224,12 @@ class Traffic:
             near = distance < self._wanted_gap(rear, front, scene)
             conflicts += zip(scene[near], rear[near], front[near], strict=True)
         conflicts.sort(key=lambda pair: identity[pair[1], pair[0]])
-        for scene, rear, front in conflicts:
-            earlier = identity[front, scene] < identity[rear, scene]
-            if new[front, scene] and not earlier:
+        for column, behind, before in conflicts:
+            earlier = identity[before, column] < identity[behind, column]
+            if new[before, column] and not earlier:
                 continue
-            if target[front, scene] == target[rear, scene]:
-                target[rear, scene] = lane[rear, scene]
+            if target[before, column] == target[behind, column]:
+                target[behind, column] = lane[behind, column]
 
     def _wanted_gap(self, rows: np.ndarray, ahead: np.ndarray, scenes: np.ndarray) -> np.ndarray:
         """Return the IDM's wanted distance to a vehicle ahead, for some vehicles."""
@@ -241,7 +241,7 @@ class Traffic:
         return _JAM + own * _HEADWAY + own * closing / _CLOSING
 
     def _interaction(self, rows: np.ndarray, ahead: np.ndarray, scenes: np.ndarray) -> np.ndarray:
-        """Return how much less some vehicles accelerate for what is ahead of them; 0 for nothing.
+        """Return the deceleration of some vehicles due to the vehicle ahead; 0 if there is none.
 
         Args:
             rows: (n,) of the vehicles.
@@ -283,7 +283,7 @@ class Traffic:
         self.whole[LANE] = np.clip(nearest, 0, self.lanes - 1)
 
     def _sort(self) -> None:
-        """Bring the vehicles back into the order of the road, by exchanging neighbours."""
+        """Restore the order of the road by swapping neighbours."""
         x = self.real[X]
         while True:
             wrong = x[1:] < x[:-1]
@@ -325,9 +325,9 @@ class Traffic:
 def _overlap(
     offset: np.ndarray, own: np.ndarray, other: np.ndarray, moved: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Tell whether two vehicles overlap, and whether they will after moving on.
+    """Return whether two vehicles overlap, and whether they will after the next step.
 
-    Two rectangles are apart exactly if they are along the direction of one of their sides.
+    Two rectangles are disjoint exactly if they are along the direction of one of their sides.
 
     Args:
         offset: (2, n) from the centre of the first to that of the second, in m.

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Where things stand when an episode of a Safety-Gym task begins: random places, kept clear."""
+"""Random, non-overlapping initial positions of a Safety-Gym task."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _Place = tuple[float, float]
 
 @dataclass(frozen=True)
 class Layout:
-    """The places of M robots and of what is around each of them.
+    """Positions of M robots and of the objects around each of them.
 
     Attributes:
         robot: (M, 3) x, y in m and yaw in rad.
@@ -39,11 +39,10 @@ class Layout:
 
 
 class PlacementRules:
-    """How much room each object of a task keeps around itself, and how places are drawn.
+    """The keepouts of the objects of a task, and the sampling of positions.
 
-    Objects are placed one after another, uniformly, and redrawn where they would be too close to
-    one that already stands; a layout with an object that finds no place in 100 tries is drawn
-    anew from the start.
+    Objects are placed one after another, uniformly, and redrawn if too close to an earlier one; if
+    an object finds no place in 100 tries, the whole layout is drawn again.
 
     Attributes:
         keepouts: in m, of the robot, the goal, the hazards, the pillars and the movable thing.
@@ -77,7 +76,7 @@ class PlacementRules:
         )
 
     def sample_goal(self, rng: np.random.Generator, obstacles: np.ndarray) -> np.ndarray | None:
-        """Draw a new place for the goal while everything else stays where it is.
+        """Draw a new position of the goal among everything else as it is.
 
         Args:
             rng: the robot's generator.
@@ -102,7 +101,7 @@ class PlacementRules:
                     places.clear()
                 else:
                     places.append(place)
-            # Safety-Gym moves the goal once more before an episode begins.
+            # Safety-Gym draws the goal once more before an episode begins.
             goal = self._free_goal(draws, [places[0], *places[2:]])
             if goal is not None:
                 places[_GOAL] = goal
@@ -131,7 +130,7 @@ def _free_place(
     reach = EXTENT - keepout
     for _ in range(tries):
         x, y = reach * next(draws), reach * next(draws)
-        # The list of keepouts may be longer: what it has more is not placed yet.
+        # There may be more keepouts than positions: the rest is not placed yet.
         for (other_x, other_y), other_keepout in zip(others, other_keepouts, strict=False):
             apart = other_keepout + keepout
             if (x - other_x) ** 2 + (y - other_y) ** 2 < apart * apart:

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""The pseudo-lidar of Safety-Gym: how near the objects of one kind are, by direction."""
+"""The pseudo-lidar of Safety-Gym: proximity of the objects of one type, by direction."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ def lidar_readings(
     axes: np.ndarray,
     lidars: tuple[int, ...],
 ) -> np.ndarray:
-    """Return what each lidar reads: the nearest of the objects that it sees, by direction.
+    """Return the readings of each lidar: the nearest of the objects that it sees, by direction.
 
     Bin 0 starts straight along x of the body, and bins go counter-clockwise. An object at
     distance d gives the bin that holds its bearing ``max(0, 3 - d) / 3``, and its two neighbours
     a share of that which grows linearly, up to all of it, as the bearing nears their common edge.
-    A bin reads the largest of what objects give it.
+    A bin reads the maximum over objects.
 
     Objects are taken to lie on the floor, where a robot that leans sees them shifted, as in
     Safety-Gym.
@@ -47,7 +47,7 @@ def lidar_readings(
     share = place - left_edge
     seen = np.empty(ahead.shape, complex)
     seen.real, seen.imag = ahead, aside
-    # To the bin that holds the object, the next, the one before; what is below 0 gives nothing.
+    # For the bin of the object, the next and the previous one; negative values have no effect.
     given = np.empty((3, *ahead.shape))
     given[0] = (MAX_DISTANCE - np.abs(seen)) / MAX_DISTANCE
     given[1], given[2] = share * given[0], (1 - share) * given[0]
@@ -68,7 +68,7 @@ def _first_bins(lidars: tuple[int, ...], robots: int) -> np.ndarray:
 
 
 def beams(lidars: np.ndarray, forward: float) -> tuple[float, np.ndarray]:
-    """Return pseudo-lidars as the beams of laser scans, one through the middle of each bin.
+    """Return pseudo-lidars as laser scans with one beam through the middle of each bin.
 
     Args:
         lidars: (L, 16) readings.
@@ -79,7 +79,7 @@ def beams(lidars: np.ndarray, forward: float) -> tuple[float, np.ndarray]:
         clockwise; and (L, 16) distances in m, infinite where nothing is seen.
     """
     step = 2 * np.pi / BINS
-    # Whole bins, for robots drive along an axis of their body.
+    # Whole bins, because robots drive along an axis of their body.
     shift = round((forward - np.pi) / step)
     distances = np.where(lidars > 0, MAX_DISTANCE * (1 - lidars), np.inf)
     return step / 2 - np.pi, np.roll(distances, -shift, axis=1)

@@ -31,34 +31,33 @@ SUBSTEPS = 10
 # MuJoCo computes sensors before it integrates, so the readings that belong to the state after ten
 # substeps, under the same control, are those of an eleventh.
 _STEPS = SUBSTEPS + 1
-# Robots nearer than this to something, in m, count as about to touch it, besides what they can
-# travel at their present speed within a step: they may speed up, and things are not that sharp.
+# Safety distance, in m, for contacts within the coming step, besides the distance at the present
+# speed: robots may accelerate, and geometries have a margin.
 _RESERVE = 0.02
-# A vase or box slower than this, in m/s and rad/s, counts as at rest.
+# A vase or box slower than this, in m/s and rad/s, is at rest.
 _REST_SPEED = 1e-6
-# Share of the latest step in the mean time that a robot takes.
+# Weight of the latest step in the mean time per robot.
 _LATEST = 0.05
 _ALL = slice(None)
 _MOVABLE_Q, _MOVABLE_V = 7, 6
 
 
 class Physics:
-    """Positions and velocities of N robots and their vases or boxes, and the steps they take.
+    """Positions and velocities of N robots and their vases or boxes, and their simulation.
 
-    A robot that is too far from everything to touch it, while the vase or box is at rest, is
-    stepped with a model of the robot alone, which is several times faster; the rest keeps its
-    state meanwhile. The choice is made robot by robot from its own state, so it does not depend
-    on the batch. One compiled model serves all robots: pillars are placed through ``mocap_pos``,
-    which MuJoCo keeps with the state.
+    Resting objects are not simulated: a robot that cannot touch anything within a step, while its
+    vase or box is at rest, is stepped with a model of the robot alone, which is several times
+    faster. The choice depends on the state of each robot only, not on the batch. One compiled model
+    serves all robots: pillars are placed by ``mocap_pos``, which is part of the state in MuJoCo.
 
     Attributes:
-        robot: what the robots are.
+        robot: type of the robots.
         qpos: (N, nq) the robots' positions as MuJoCo has them.
         qvel: (N, nv) the robots' velocities.
         movable: (N, 7) position in m and orientation quaternion of the vase or box.
         movable_velocity: (N, 6) as MuJoCo's free joint has it.
         pillars: (N, P, 2) x, y in m; P is 0 or 1.
-        costs: (N,) about how long the last step of each robot took, in s: the mean of its kind.
+        costs: (N,) approximate time of the last step of each robot, in s: the mean of its model.
     """
 
     def __init__(
@@ -73,9 +72,9 @@ class Physics:
         """Start with everything at the origin; :meth:`place` it before use.
 
         Args:
-            robot: what the robots are.
-            movable: what each of them can push.
-            pillars: number of pillars beside each, 0 or 1.
+            robot: type of the robots.
+            movable: the object that each of them can push.
+            pillars: number of pillars of each, 0 or 1.
             num_envs: number of robots N.
             zeros: makes the arrays of the state, as ``numpy.zeros`` does.
         """
@@ -140,7 +139,7 @@ class Physics:
         pillars: np.ndarray,
         velocity: np.ndarray | float = 0.0,
     ) -> np.ndarray:
-        """Put some robots and what is around them somewhere, vase or box at rest.
+        """Place some robots and the objects around them, vase or box at rest.
 
         Args:
             rows: (M,) indices of the robots.
@@ -176,12 +175,12 @@ class Physics:
         """Advance some robots by ten substeps.
 
         Args:
-            control: (M, 2) what their actuators shall do, within [-1, 1].
-            rows: the M robots, in a row.
+            control: (M, 2) of their actuators, within [-1, 1].
+            rows: the M robots, contiguous.
 
         Returns:
             ``(sensors, failed)``: (M, sensors) readings in the state just reached, and (M,) bool,
-            the robots whose physics blew up. Those stay where they were, at rest, and their
+            the robots whose physics diverged. These stay where they were, at rest, and their
             sensors read 0.
         """
         near = self._near(rows)
@@ -192,7 +191,7 @@ class Physics:
         together = near.nonzero()[0]
         count = len(near) - len(together)
         if count:
-            # A slice, which is quicker, as long as it can be one.
+            # A slice if possible, which is faster.
             alone = (~near).nonzero()[0] if len(together) else _ALL
             inputs, controls = self._alone.inputs(count, steps=_STEPS)
             for own, whole in self._robot_columns:
@@ -212,7 +211,7 @@ class Physics:
             reached, readings = self._together.run(len(together), steps=_STEPS)
             after[together] = reached[:, SUBSTEPS - 1]
             sensors[together] = readings[:, SUBSTEPS]
-        failed = self._blown_up(after, sensors)
+        failed = self._diverged(after, sensors)
         sensors = self._columns(sensors)
         after[:, 0] = 0.0
         if failed.any():
@@ -232,8 +231,8 @@ class Physics:
         needed = self.robot.reach + SUBSTEPS * self.robot.timestep * speed + _RESERVE
         movable = self.movable[rows]
         offset = position - movable[:, :3]
-        # The sphere around the thing is quick to tell; the box around it matters to those within.
-        # Comparisons are written so that what is not a number counts as near.
+        # First the bounding sphere, which is fast, then the bounding box for those within. The
+        # comparisons are written so that NaN counts as near.
         near = ~(lengths(*offset.T) > needed + self._around)
         close = near.nonzero()[0]
         if len(close):
@@ -245,11 +244,10 @@ class Physics:
             near |= ~(to_pillar > needed + PILLAR_RADIUS)
         return near | self._moves[rows]
 
-    def _blown_up(self, states: np.ndarray, sensors: np.ndarray) -> np.ndarray:
-        """(M,) bool, the robots whose numbers blew up: MuJoCo resets their state, or stops."""
+    def _diverged(self, states: np.ndarray, sensors: np.ndarray) -> np.ndarray:
+        """(M,) bool, the robots that diverged: MuJoCo resets their state, or stops."""
         timestep = self.robot.timestep
-        # A reset state has another clock. A sum is finite only if all it adds up is, or if it is
-        # far beyond any state here.
+        # A reset state has another time. A sum is finite only if all summands are.
         sums = states.sum(axis=1) + sensors.sum(axis=1)
         return (np.abs(states[:, 0] - SUBSTEPS * timestep) > timestep / 2) | ~np.isfinite(sums)
 
@@ -266,13 +264,13 @@ class _Model:
 
     Attributes:
         model: the compiled model.
-        seconds: mean time that a robot took of late.
+        seconds: recent mean time per robot.
     """
 
     def __init__(self, mjcf: str, num_envs: int) -> None:
         self.model = mujoco.MjModel.from_xml_string(mjcf)
         self._data = mujoco.MjData(self.model)
-        # Threads of its own would leave the rest of a step, which is Python, to one core.
+        # No threads: the rest of a step, which is Python, would still run on one core.
         self._rollout = rollout.Rollout(nthread=0)
         spec = mujoco.mjtState.mjSTATE_CTRL
         if self.model.nmocap:
@@ -304,7 +302,7 @@ class _Model:
         sensors = self._shaped(self._sensors, count, steps)
         initial, control = self.inputs(count, steps)
         start = time.perf_counter()
-        # Our shapes are right by construction, and checking them takes longer than some steps.
+        # The shapes are right by construction, and checks can take longer than a step.
         self._rollout.rollout(
             [self.model] * count,
             [self._data],

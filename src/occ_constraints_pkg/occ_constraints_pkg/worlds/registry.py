@@ -9,7 +9,7 @@ from occ_constraints_pkg.errors import ConfigurationError, import_needed
 from occ_constraints_pkg.worlds.base import World
 
 MOST_ROBOTS = 100_000
-"""More do not fit into the memory of usual machines, which would stand still first."""
+"""More do not fit into the memory of usual machines."""
 
 
 def make_world(name: str, num_envs: int, *, processes: int = 0) -> World:
@@ -18,11 +18,12 @@ def make_world(name: str, num_envs: int, *, processes: int = 0) -> World:
     Args:
         name: one of :data:`WORLDS`.
         num_envs: number of robots, from 1 to :data:`MOST_ROBOTS`.
-        processes: processes that step them, this one included; 0 means one per core, fewer where
-            there are too few robots to share out. Worlds that need no processes ignore it.
+        processes: processes that step them, this one included; 0: one per core, fewer for few
+            robots. Worlds that need no processes ignore it.
 
     Raises:
-        OccError: there is no such world, a number is out of range, or MuJoCo is not installed.
+        ConfigurationError: there is no such world, or a number is out of range.
+        MissingDependencyError: MuJoCo is not installed.
     """
     world = world_class(name)
     if not 1 <= num_envs <= MOST_ROBOTS:
@@ -33,14 +34,14 @@ def make_world(name: str, num_envs: int, *, processes: int = 0) -> World:
         raise ConfigurationError(
             f'world {name} was asked for {processes} processes; 0 or more are allowed'
         )
-    return world(num_envs, processes=processes)
+    return world(num_envs, processes=processes)  # type: ignore[call-arg]
 
 
 def check_world(name: str) -> None:
-    """Refuse a name that is no world's, without importing anything.
+    """Refuse a name of no world, without importing anything.
 
     Raises:
-        OccError: there is no such world.
+        ConfigurationError: there is no such world.
     """
     if name not in _CLASSES:
         hint = did_you_mean(name, WORLDS) or ';'
@@ -50,14 +51,15 @@ def check_world(name: str) -> None:
 
 
 def world_class(name: str) -> type[World]:
-    """Return a world's class, whose attributes tell its columns without building one.
+    """Return the class of a world, which has its columns as attributes.
 
     Raises:
-        OccError: there is no such world, or MuJoCo is not installed.
+        ConfigurationError: there is no such world.
+        MissingDependencyError: MuJoCo is not installed.
     """
     check_world(name)
     module, class_name = _CLASSES[name]
-    # Imported late: MuJoCo is an extra that a robot which only monitors does without.
+    # Imported late: MuJoCo is an extra that a robot that only monitors does not need.
     return getattr(import_needed(f'world {name}', f'{__package__}.{module}'), class_name)
 
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""What every batch of robots needs: a random generator per robot, and checked actions."""
+"""Utilities of batches of robots: a random generator per robot, checks of actions and masks."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def robot_generators(seed: int | None, num_envs: int) -> list[np.random.Generato
         num_envs: number of robots.
 
     Raises:
-        OccError: the seed is negative.
+        ConfigurationError: the seed is negative.
     """
     if seed is not None and seed < 0:
         raise ConfigurationError(f'a seed was {seed}; allowed are whole numbers from 0')
@@ -38,7 +38,7 @@ def checked_action(action: np.ndarray, num_envs: int, names: tuple[str, ...]) ->
         names: names of the a action columns.
 
     Raises:
-        OccError: the shape is wrong or a number is not finite.
+        ConfigurationError: the shape is wrong or a number is not finite.
     """
     values = np.asarray(action, dtype=np.float64)
     if values.shape != (num_envs, len(names)):
@@ -59,7 +59,7 @@ def selected_rows(mask: np.ndarray | None, num_envs: int) -> np.ndarray:
     """Return the indices that a reset ``mask`` selects; ``None`` selects every robot.
 
     Raises:
-        OccError: the mask is not (N,) bool.
+        ConfigurationError: the mask is not (N,) bool.
     """
     if mask is None:
         return np.arange(num_envs)

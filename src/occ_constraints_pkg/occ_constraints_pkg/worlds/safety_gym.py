@@ -27,10 +27,9 @@ from occ_constraints_pkg.worlds.layout import Layout, PlacementRules
 from occ_constraints_pkg.worlds.lidar import BINS, MAX_DISTANCE, beams, lidar_readings
 from occ_constraints_pkg.worlds.physics import SUBSTEPS, Physics
 from occ_constraints_pkg.worlds.robots import checked_action, robot_generators, selected_rows
-from occ_constraints_pkg.worlds.shared_arrays import SharedArrays
 from occ_constraints_pkg.worlds.velocity_control import velocity_action
 from occ_constraints_pkg.worlds.view import RobotView, Thing, standing_cylinder
-from occ_constraints_pkg.worlds.worker_pool import Crew, can_help
+from occ_constraints_pkg.worlds.worker_pool import SharedArrays, WorkerPool, is_importable
 
 GOAL_RADIUS = 0.3
 _GOAL_HEIGHT = 0.16
@@ -39,29 +38,29 @@ _GOAL_SIZE, _HAZARD_SIZE = 0.3, 0.02
 _ROBOT_KEEPOUT = 0.4
 _FAILURE_REWARD = -10.0
 _REWARD_CLIP = 10.0
-# Below this many robots a process costs more than it brings.
+# With fewer robots, a process costs more than it gains.
 _ROBOTS_PER_PROCESS = 16
 _Rows = np.ndarray | slice
 
 
 class SafetyGymWorld(World):
-    """What all of these tasks share; each robot has its own floor.
+    """What these tasks have in common; each robot has its own floor.
 
-    The true cost is 1 within the radius of a hazard of its centre. Goal and hazards are seen by
-    lidars and touch nothing, so they live in arrays; what is touched lives in the physics.
+    The true cost is 1 while the robot is within the radius of a hazard. Goal and hazards are only
+    seen by lidars, so they are plain arrays; whatever can be touched is part of the physics.
 
-    Episodes end by truncation after 1000 steps. They terminate only where a new goal finds no
-    free place, as in Safety-Gym, or where the physics of a robot blows up: that robot then gets
-    reward -10, and keeps its last observation. ``info['failed']`` (N,) bool tells the latter.
+    Episodes are truncated after 1000 steps. They terminate only if there is no room for a new goal,
+    as in Safety-Gym, or if the physics of a robot diverges: that robot gets reward -10 and keeps
+    its last observation, and ``info['failed']`` (N,) bool is set.
 
-    Where several processes step the robots, the others take the class as its module has it: what a
-    program changes in it afterwards they do not see.
+    Worker processes import the class from its module: they do not see what a program changes in it
+    later.
 
     Attributes:
         robot: what drives.
         movable: what can be pushed.
-        rules: how much room things keep when they are placed.
-        lidars: kind of things that each lidar sees, and how many there are.
+        rules: the keepouts of objects when they are placed.
+        lidars: type of the objects that each lidar sees, and how many there are.
         hazard_radius: in m.
         generators: one per robot; draws its layouts and new goals.
         physics: where robots, vases, boxes and pillars are and how they move.
@@ -114,15 +113,15 @@ class SafetyGymWorld(World):
             num_envs: number of robots N.
             processes: processes that step the robots, this one included; 0 means one per core,
                 fewer for small N, and one for a class that others cannot import.
-            arrays: where its state lies, in a helper of another process.
+            arrays: where its state lies, in a worker process.
 
         Raises:
-            HelperError: helping processes cannot be started.
+            WorkerError: worker processes cannot be started.
         """
-        if processes == 0 and can_help(type(self)):
+        if processes == 0 and is_importable(type(self)):
             processes = min(len(os.sched_getaffinity(0)), num_envs // _ROBOTS_PER_PROCESS)
-        self._crew = Crew(type(self), num_envs, min(max(processes, 1), num_envs))
-        arrays = self._crew.arrays if arrays is None else arrays
+        self._pool = WorkerPool(type(self), num_envs, min(max(processes, 1), num_envs))
+        arrays = self._pool.arrays if arrays is None else arrays
         zeros = np.zeros if arrays is None else arrays.zeros
         self.num_envs = num_envs
         self.generators = robot_generators(None, num_envs)
@@ -131,7 +130,9 @@ class SafetyGymWorld(World):
             self.robot, self.movable, pillars=pillars, num_envs=num_envs, zeros=zeros
         )
         # What each robot's lidars see, in their order: the goal first, the vase or box last.
-        self._seen_by = tuple(np.repeat(np.arange(len(self.lidars)), list(self.lidars.values())))
+        self._seen_by = tuple(
+            lidar for lidar, count in enumerate(self.lidars.values()) for _ in range(count)
+        )
         self._objects = zeros((num_envs, sum(self.lidars.values()), 2))
         self._goal = self._objects[:, 0]
         self._hazards = self._objects[:, 1 : 1 + self.lidars['hazards']]
@@ -140,7 +141,7 @@ class SafetyGymWorld(World):
         self._to_go = zeros(num_envs)
         self._steps = np.zeros(num_envs, dtype=np.int64)
         self._observation = zeros((num_envs, len(self.columns)), np.float32)
-        # What a step is given and what comes of it.
+        # Input and output of a step.
         self._action = zeros((num_envs, len(self.action_columns)))
         self._reward, self._true_cost = zeros(num_envs), zeros(num_envs)
         self._failed, self._reached = zeros(num_envs, bool), zeros(num_envs, bool)
@@ -149,7 +150,7 @@ class SafetyGymWorld(World):
         self, *, seed: int | None = None, mask: np.ndarray | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Start new episodes; see :meth:`World.reset`."""
-        self._crew.check()
+        self._pool.check()
         rows = selected_rows(mask, self.num_envs)
         if seed is not None:
             self.generators = robot_generators(seed, self.num_envs)
@@ -160,7 +161,7 @@ class SafetyGymWorld(World):
     def start(
         self, rows: np.ndarray, layout: Layout, velocity: np.ndarray | float = 0.0
     ) -> np.ndarray:
-        """Start an episode of some robots from given places, for example recorded ones.
+        """Start an episode of some robots from a given layout, for example a recorded one.
 
         Args:
             rows: (M,) indices of the robots.
@@ -171,7 +172,7 @@ class SafetyGymWorld(World):
         Returns:
             (M, k) float32, their observations.
         """
-        self._crew.check()
+        self._pool.check()
         sensors = self.physics.place(rows, layout.robot, layout.movable, layout.pillars, velocity)
         self._goal[rows] = layout.goal
         self._hazards[rows] = layout.hazards
@@ -184,7 +185,7 @@ class SafetyGymWorld(World):
         return self._observation[rows]
 
     def move_goals(self, rows: np.ndarray, places: np.ndarray) -> np.ndarray:
-        """Put the goals of some robots elsewhere, for example where a record has them.
+        """Move the goals of some robots, for example to recorded places.
 
         Args:
             rows: (M,) indices of the robots.
@@ -193,7 +194,7 @@ class SafetyGymWorld(World):
         Returns:
             (M, k) float32, the observations of these robots.
         """
-        self._crew.check()
+        self._pool.check()
         self._goal[rows] = places
         offsets = self._offsets(rows)
         self._to_go[rows] = self._distances(rows, offsets)[0]
@@ -205,11 +206,11 @@ class SafetyGymWorld(World):
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Advance every robot by one step; see :meth:`World.step`."""
         self._action[:] = checked_action(action, self.num_envs, self.robot.actions)
-        self._crew.share(self.physics.costs, self.advance)
+        self._pool.share(self.physics.costs, self.advance)
         self._steps += 1
         failed, terminated = self._failed.copy(), self._failed.copy()
         for row in self._reached.nonzero()[0]:
-            place = self._next_goal(row)
+            place = self._next_goal(int(row))
             if place is None:
                 terminated[row] = True
             else:
@@ -219,7 +220,7 @@ class SafetyGymWorld(World):
         return self._observation.copy(), self._reward.copy(), terminated, truncated, info
 
     def advance(self, rows: slice) -> None:
-        """Do the part of a step that one of several processes can do for its robots.
+        """Do the part of a step that runs in parallel, for some robots.
 
         Args:
             rows: the robots.
@@ -241,12 +242,12 @@ class SafetyGymWorld(World):
 
     def restore(self, state: dict[str, np.ndarray | list[str]]) -> None:
         """Go on where a world was when it returned ``state``; see :meth:`World.restore`."""
-        self._crew.check()
+        self._pool.check()
         super().restore(state)
 
     def close(self) -> None:
-        """End the helping processes."""
-        self._crew.close()
+        """End the worker processes."""
+        self._pool.close()
 
     def view(self, row: int) -> RobotView:
         """Return one robot as ROS and pictures see it; see :meth:`World.view`."""
@@ -260,7 +261,7 @@ class SafetyGymWorld(World):
         first_beam, ranges = beams(lidars, forward)
         quaternion = product(physics.quaternion(row), quaternion_of_yaw(np.array([forward]))[0])
         return RobotView(
-            position=physics.position([row])[0],
+            position=physics.position(np.array([row]))[0],
             quaternion=quaternion,
             linear_velocity=linear,
             angular_velocity=angular,
@@ -273,8 +274,8 @@ class SafetyGymWorld(World):
         )
 
     def _things(self, row: int, heading: np.ndarray) -> tuple[Thing, ...]:
-        """Return everything around a robot, and itself; its box is wide enough to hold it all."""
-        position = self.physics.position([row])[0]
+        """Return everything around a robot, and the robot as its bounding box."""
+        position = self.physics.position(np.array([row]))[0]
         movable, half = self.physics.movable[row], 2 * self.movable.half_extents
         goal = standing_cylinder('goal', self._goal[row], GOAL_RADIUS, _GOAL_SIZE)
         return (
@@ -299,10 +300,10 @@ class SafetyGymWorld(World):
 
     @abstractmethod
     def _distances(self, rows: _Rows, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return what some robots still have to go, and how far from the goal what matters is.
+        """Return the distance left to go, and the distance of the robot or box from the goal.
 
-        The reward is the decrease of the first, plus 1 where the second is at most the goal's
-        radius; both are (M,) in m.
+        The reward is the decrease of the first, plus 1 where the second is at most the radius of
+        the goal; both are (M,) in m.
         """
 
     @property
@@ -316,7 +317,7 @@ class SafetyGymWorld(World):
 
     def _offsets(self, rows: _Rows) -> np.ndarray:
         """(2, K, M) x, y of the K objects around each of M robots, from its centre, in m."""
-        # Robots come last, as NumPy is quickest over long rows.
+        # Robots last: NumPy is fastest along long rows.
         return np.subtract(self._objects[rows].T, self._position[rows].T[:, None], order='C')
 
     def _observe(self, rows: _Rows, sensors: np.ndarray, offsets: np.ndarray) -> None:
@@ -365,8 +366,10 @@ class _Push(SafetyGymWorld):
 
     def _distances(self, rows: _Rows, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         height = self.physics.movable[rows, 2]
-        to_box = lengths(*offsets[:, -1], height - self.physics.heights(rows))
-        to_goal = lengths(*(self._goal[rows] - self._movable[rows]).T, _GOAL_HEIGHT - height)
+        x, y = offsets[:, -1]
+        to_box = lengths(x, y, height - self.physics.heights(rows))
+        x, y = (self._goal[rows] - self._movable[rows]).T
+        to_goal = lengths(x, y, _GOAL_HEIGHT - height)
         return to_box + to_goal, to_goal
 
 

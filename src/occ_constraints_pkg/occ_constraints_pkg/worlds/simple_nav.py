@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""A point on the unit square that must go round a forbidden corner: the paper's 2-D example."""
+"""A point in the unit square that must avoid a forbidden corner: the 2-D example of the paper."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ import numpy as np
 from occ_constraints_pkg.worlds.base import Column, World
 from occ_constraints_pkg.worlds.robots import checked_action, robot_generators, selected_rows
 
-START = np.array([0.1, 0.1])
+_START = np.array([0.1, 0.1])
 GOAL = np.array([0.9, 0.9])
-GOAL_RADIUS = 0.03
-GOAL_BONUS = 1.0
+_GOAL_RADIUS = 0.03
+_GOAL_BONUS = 1.0
 # Each axis moves by at most this much in a step, so a step is at most 0.035 long.
 STEP_LENGTH = 0.025
-FORBIDDEN_X_BELOW = 0.7
-FORBIDDEN_Y_ABOVE = 0.3
+_FORBIDDEN_X_BELOW = 0.7
+_FORBIDDEN_Y_ABOVE = 0.3
 _START_JITTER = 0.01
 
 
@@ -42,7 +42,7 @@ class SimpleNav(World):
     def __init__(self, num_envs: int, *, processes: int = 0) -> None:
         self.num_envs = num_envs
         self._rngs = robot_generators(None, num_envs)
-        self._position = np.tile(START, (num_envs, 1))
+        self._position = np.tile(_START, (num_envs, 1))
         self._steps = np.zeros(num_envs, dtype=np.int64)
 
     def reset(
@@ -53,7 +53,7 @@ class SimpleNav(World):
         if seed is not None:
             self._rngs = robot_generators(seed, self.num_envs)
         for row in rows:
-            self._position[row] = START + self._rngs[row].uniform(-_START_JITTER, _START_JITTER, 2)
+            self._position[row] = _START + self._rngs[row].uniform(-_START_JITTER, _START_JITTER, 2)
         self._steps[rows] = 0
         return self._position.astype(np.float32), {'true_cost': self._cost()}
 
@@ -66,12 +66,12 @@ class SimpleNav(World):
         self._position = np.clip(self._position + STEP_LENGTH * move, 0.0, 1.0)
         self._steps += 1
         distance = np.linalg.norm(self._position - GOAL, axis=1)
-        terminated = distance <= GOAL_RADIUS
-        reward = before - distance + GOAL_BONUS * terminated
+        terminated = distance <= _GOAL_RADIUS
+        reward = before - distance + _GOAL_BONUS * terminated
         truncated = ~terminated & (self._steps >= self.max_episode_steps)
         info = {'true_cost': self._cost()}
         return self._position.astype(np.float32), reward, terminated, truncated, info
 
     def _cost(self) -> np.ndarray:
         x, y = self._position.T
-        return ((x < FORBIDDEN_X_BELOW) & (y > FORBIDDEN_Y_ABOVE)).astype(np.float64)
+        return ((x < _FORBIDDEN_X_BELOW) & (y > _FORBIDDEN_Y_ABOVE)).astype(np.float64)

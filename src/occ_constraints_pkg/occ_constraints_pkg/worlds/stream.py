@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Endless episodes of a world as one stream of states, the form in which topics carry them."""
+"""The episodes of a world as one endless stream of states, as published on topics."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from occ_constraints_pkg.worlds.base import World
 
 @dataclass(frozen=True)
 class StepBatch:
-    """The states that N robots have just reached, and what the step there brought.
+    """The states that N robots have just reached, and the results of the step.
 
-    The last state of an episode appears as such, with ``terminated`` or ``truncated`` set; the
-    batch after it shows the first state of the next episode, with reward 0, and the action taken
-    on that last state has no effect (gymnasium calls this next-step autoreset). So every state is
-    seen once by whoever watches the stream, the last one of each episode included.
+    The last state of an episode has ``terminated`` or ``truncated`` set; the next batch has the
+    first state of the next episode, with reward 0, and the action taken in the last state has no
+    effect (next-step autoreset in gymnasium). So every state appears once in the stream, the last
+    one of each episode included.
 
     Attributes:
         observation: (N, k) float32.
@@ -65,7 +65,7 @@ class EpisodeStream:
         """Apply ``action`` (N, a) and return the next states.
 
         Raises:
-            OccError: the action has the wrong shape or is not finite.
+            ConfigurationError: the action has the wrong shape or is not finite.
         """
         last = self._last if self._last is not None else self.reset()
         observation, reward, terminated, truncated, info = self.world.step(action)
@@ -81,15 +81,15 @@ class EpisodeStream:
         return self._last
 
     def state(self) -> dict[str, Any]:
-        """Return the world's state and the batch shown last, for :meth:`restore`."""
+        """Return the state of the world and the last batch, for :meth:`restore`."""
         last = self._last if self._last is not None else self.reset()
         return {'world': self.world.state(), 'last': asdict(last)}
 
     def restore(self, state: dict[str, Any]) -> StepBatch:
-        """Go on where a stream was when it returned ``state``; return the batch shown last.
+        """Continue where a stream was when it returned ``state``; return its last batch.
 
         Raises:
-            OccError: the state is that of another world or of another number of robots.
+            ConfigurationError: the state is that of another world or of another number of robots.
         """
         self.world.restore(state['world'])
         self._last = StepBatch(**state['last'])

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""One robot of a world as ROS and pictures see it: metres, and x ahead, y left, z up."""
+"""The view of one robot for ROS and pictures: metres; x forward, y left, z up."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class Thing:
-    """Something on the floor.
+    """An object on the floor.
 
     Attributes:
         kind: ``goal``, ``hazard``, ``pillar``, ``vase``, ``box`` or ``robot``.
@@ -42,20 +42,20 @@ def standing_cylinder(kind: str, place: np.ndarray, radius: float, height: float
 
 @dataclass(frozen=True, eq=False)
 class RobotView:
-    """What a robot's own sensors tell, in its base frame, and where everything is.
+    """The readings of a robot's own sensors, in its base frame, and where everything is.
 
     Attributes:
         position: (3,) of the robot in the world, in m.
         quaternion: (4,) w, x, y, z, of its base frame in the world.
         linear_velocity: (3,) in m/s, base frame.
         angular_velocity: (3,) in rad/s, base frame.
-        acceleration: (3,) in m/s^2, base frame, as an accelerometer reads it: up at rest.
-        ranges: by kind of things, (16,) distances in m by direction, infinite where nothing is
-            seen. Beam i looks in direction :attr:`first_beam` + i * :attr:`beam_step`.
+        acceleration: (3,) in m/s^2, base frame, as measured by an accelerometer: up at rest.
+        ranges: by type of things, (16,) distances in m by direction, infinite where there is
+            nothing. Beam i looks in direction :attr:`first_beam` + i * :attr:`beam_step`.
         first_beam: in rad, counter-clockwise from straight ahead.
         beam_step: in rad.
         range_max: in m.
-        things: all that there is, the robot included.
+        things: everything there is, the robot included.
     """
 
     position: np.ndarray

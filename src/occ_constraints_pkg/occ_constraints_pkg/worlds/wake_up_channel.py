@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""A line between two processes, for messages that must arrive within microseconds."""
+"""A channel between two processes for messages that must arrive within microseconds."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 
-# How long a process looks for a message, in s, before it goes to sleep: waking up takes a while, on
-# virtual machines above all. It yields to whoever else wants the core meanwhile. Where the message
-# before took longer than that, the next one is likely to as well, and looking is in vain.
-_PATIENCE, _LITTLE_PATIENCE = 0.002, 0.0001
-# How long it sleeps, in ms, before it looks whether there is anything to wait for.
+# How long a receiver polls, in s, before it sleeps: waking up is slow, especially on virtual
+# machines. It yields the core while polling. After a message that took longer, the next one is
+# likely to take longer too, so it polls for the shorter time.
+_LONG_POLL, _SHORT_POLL = 0.002, 0.0001
+# How long it sleeps, in ms, before it checks whether to wait any longer.
 _SLEEP = 1000
 
 
-class Line:
-    """One end of the line.
+class WakeUpChannel:
+    """One end of the channel.
 
-    Whoever sleeps is woken through an event of its own and not by the socket: the kernel takes a
-    message on a socket for the sender's last act, and wakes the receiver on the sender's core.
+    A sleeping receiver is woken by an eventfd, not by the socket: for a message on a socket, the
+    kernel assumes that the sender is done and wakes the receiver on the sender's core.
 
     Attributes:
-        descriptors: of the socket, of the event that wakes this end, of the one for the other end;
-            empty once it is closed.
+        descriptors: of the socket, of the event of this end, of the event of the other end; empty
+            once closed.
     """
 
     def __init__(self, descriptors: tuple[int, ...]) -> None:
@@ -37,18 +37,18 @@ class Line:
         self._socket = socket.socket(fileno=descriptors[0])
         self._socket.setblocking(False)
         self._event, self._other = descriptors[1:]
-        self._patience = _PATIENCE
-        self._sleep = select.poll()
-        self._sleep.register(self._event, select.POLLIN)
-        # No events: it tells when the other end is closed, without being asked to.
-        self._sleep.register(self._socket, 0)
+        self._poll_seconds = _LONG_POLL
+        self._sleeper = select.poll()
+        self._sleeper.register(self._event, select.POLLIN)
+        # No events requested: a hang-up of the other end is reported anyway.
+        self._sleeper.register(self._socket, 0)
 
     @classmethod
-    def pair(cls) -> tuple[Line, Line]:
-        """Return the two ends of a new line.
+    def pair(cls) -> tuple[WakeUpChannel, WakeUpChannel]:
+        """Return the two ends of a new channel.
 
         Raises:
-            OSError: this process may not open as many descriptors.
+            OSError: this process may not open that many descriptors.
         """
         opened: list[int] = []
         try:
@@ -78,10 +78,10 @@ class Line:
 
         Args:
             size: in bytes.
-            is_over: asked now and then whether to wait no more.
+            is_over: called from time to time; ``True`` ends the wait.
 
         Returns:
-            The message; empty once the other end is closed, or where ``is_over`` says so.
+            The message; empty once the other end is closed or ``is_over`` returns ``True``.
         """
         begun = time.monotonic()
         while True:
@@ -90,14 +90,14 @@ class Line:
             except ConnectionError:
                 return b''
             except BlockingIOError:
-                if time.monotonic() < begun + self._patience:
+                if time.monotonic() < begun + self._poll_seconds:
                     os.sched_yield()
                     continue
             else:
-                in_time = time.monotonic() < begun + _PATIENCE
-                self._patience = _PATIENCE if in_time else _LITTLE_PATIENCE
+                in_time = time.monotonic() < begun + _LONG_POLL
+                self._poll_seconds = _LONG_POLL if in_time else _SHORT_POLL
                 return message
-            if not self._sleep.poll(_SLEEP) and is_over():
+            if not self._sleeper.poll(_SLEEP) and is_over():
                 return b''
             with suppress(BlockingIOError):
                 os.eventfd_read(self._event)
@@ -112,9 +112,9 @@ class Line:
 
 
 def above_standard(descriptor: int) -> int:
-    """Return a descriptor in place of one that standard input or output would have if open.
+    """Return a duplicate above 2 of a descriptor in the range of the standard streams.
 
-    What is to be handed to another process may be none of these, for that process gets others.
+    Descriptors 0 to 2 cannot be passed on: the other process has its own standard streams there.
     """
     if descriptor > 2:
         return descriptor

@@ -8,8 +8,8 @@ import signal
 import sys
 
 if __name__ == '__main__':
-    # Before anything that takes time: whoever stops all processes of a program means the one that
-    # this one helps. It may have much to finish, and this one ends with it.
+    # First of all: a signal to the whole process group is meant for the main process. It may have
+    # to finish something, and this process ends with it.
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
 
@@ -17,28 +17,27 @@ import pkgutil
 import time
 
 from occ_constraints_pkg.stopping import parent_is_gone
-from occ_constraints_pkg.worlds.shared_arrays import SharedArrays
-from occ_constraints_pkg.worlds.wake_up_channel import Line
-from occ_constraints_pkg.worlds.worker_pool import DONE, WORK
+from occ_constraints_pkg.worlds.wake_up_channel import WakeUpChannel
+from occ_constraints_pkg.worlds.worker_pool import DONE, WORK, SharedArrays
 
 
-def main(world: str, num_envs: int, capacity: int, descriptor: int, *line: int) -> None:
-    """Step robots as :class:`~occ_constraints_pkg.worlds.worker_pool.Crew` asks, until it is gone.
+def main(world: str, num_envs: int, capacity: int, descriptor: int, *channel: int) -> None:
+    """Step robots on the pool's request until the pool is gone.
 
     Args:
         world: module and class, as ``module:class``.
         num_envs: number of robots of the whole world.
-        capacity: size of its arrays' file in bytes.
+        capacity: size of the file of the shared arrays, in bytes.
         descriptor: of that file.
-        line: descriptors of the line through which the crew asks.
+        channel: descriptors of the wake-up channel to the pool.
     """
     arrays = SharedArrays(capacity, descriptor)
     stepped = pkgutil.resolve_name(world)(num_envs, processes=1, arrays=arrays)
-    crew = Line(line)
-    while work := crew.receive(WORK.size, parent_is_gone):
+    pool = WakeUpChannel(channel)
+    while work := pool.receive(WORK.size, parent_is_gone):
         stepped.advance(slice(*WORK.unpack(work)))
         try:
-            crew.send(DONE.pack(time.monotonic()))
+            pool.send(DONE.pack(time.monotonic()))
         except ConnectionError:
             return
 

@@ -17,8 +17,8 @@ from occ_constraints_pkg.ros.qos import LATCHED, overridable
 from occ_constraints_pkg.rules import RuleSet
 from occ_constraints_pkg.rules.constraints_file import Constraints, save_derived
 from occ_constraints_pkg.rules.edits import RuleEdits
-from occ_constraints_pkg.rules.kept_counts import KeptCounts
 from occ_constraints_pkg.rules.listing import rules_document
+from occ_constraints_pkg.rules.persistent_counts import PersistentCounts
 from occ_constraints_pkg.wording import count_of
 
 # How long a disk that stays full is not reported again.
@@ -40,7 +40,7 @@ class PreparedRules:
 
     base: Constraints
     edited: Constraints
-    counts: KeptCounts
+    counts: PersistentCounts
     left_out: bool
     where: str
     pruned: frozenset[str] = frozenset()
@@ -76,7 +76,7 @@ class RulesInForce:
         return None if self._now is None else self._now.edited.rule_set
 
     @property
-    def counts(self) -> KeptCounts | None:
+    def counts(self) -> PersistentCounts | None:
         """The counters of the rules in force; None without rules."""
         return None if self._now is None else self._now.counts
 
@@ -103,7 +103,7 @@ class RulesInForce:
         left_out = edits != self.edits
         edits = replace(edits, enabled=tuple(name for name in edits.enabled if name not in pruned))
         edited = constraints.with_rule_set(edits.apply(constraints.rule_set))
-        counts = KeptCounts(edited.rule_set, self.counts_file)
+        counts = PersistentCounts(edited.rule_set, self.counts_file)
         return PreparedRules(constraints, edited, counts, left_out, where, pruned)
 
     def use(self, rules: PreparedRules) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.rules import Feature, FeatureSpace, Literal, Rule, RuleCounts, RuleSet
-from occ_constraints_pkg.rules.kept_counts import KeptCounts, read_counts
+from occ_constraints_pkg.rules.persistent_counts import PersistentCounts, read_counts
 
 RULES = RuleSet(
     FeatureSpace((Feature('x'), Feature('y'))),
@@ -26,7 +26,7 @@ def numbers(counts):
 @pytest.mark.parametrize('repeated', [False, True])
 def test_a_restart_goes_on_and_counts_a_repeat_once(tmp_path, repeated):
     plain, path = RuleCounts(RULES), tmp_path / 'counts.json'
-    counts = KeptCounts(RULES, path)
+    counts = PersistentCounts(RULES, path)
     assert not counts.resumed
     for stamp, rows in enumerate(BATCHES, start=1):
         judgement = RULES.judge(rows)
@@ -34,7 +34,7 @@ def test_a_restart_goes_on_and_counts_a_repeat_once(tmp_path, repeated):
         counts.add_stamped(judgement, stamp)
         if stamp == 3:
             counts.keep()
-            counts = KeptCounts(RULES, path)
+            counts = PersistentCounts(RULES, path)
             assert counts.resumed
             assert counts.until_ns == 3
             if repeated:
@@ -47,7 +47,7 @@ def test_a_restart_goes_on_and_counts_a_repeat_once(tmp_path, repeated):
 
 def test_only_a_restart_makes_a_stamp_one_that_was_counted():
     """A sensor whose stamps stand still is counted all the same."""
-    counts = KeptCounts(RULES)
+    counts = PersistentCounts(RULES)
     for rows in BATCHES:
         counts.add_stamped(RULES.judge(rows), 7)
     assert counts.evaluated[0] == 120
@@ -55,7 +55,7 @@ def test_only_a_restart_makes_a_stamp_one_that_was_counted():
 
 
 def test_a_reset_is_kept(tmp_path):
-    counts = KeptCounts(RULES, tmp_path / 'counts.json')
+    counts = PersistentCounts(RULES, tmp_path / 'counts.json')
     counts.add_stamped(RULES.judge(BATCHES[0]), 1)
     counts.keep()
     counts.reset()
@@ -65,11 +65,11 @@ def test_a_reset_is_kept(tmp_path):
 
 def test_counters_of_other_rules_are_not_taken(tmp_path):
     path = tmp_path / 'counts.json'
-    counts = KeptCounts(RULES, path)
+    counts = PersistentCounts(RULES, path)
     counts.add_stamped(RULES.judge(BATCHES[0]), 1)
     counts.keep()
     other = replace(RULES, rules=RULES.rules[:1])
-    fresh = KeptCounts(other, path)
+    fresh = PersistentCounts(other, path)
     assert not fresh.resumed
     assert fresh.evaluated.tolist() == [0]
     fresh.add_stamped(other.judge(BATCHES[1]), 2)
@@ -101,13 +101,13 @@ DAMAGED = {
 def test_another_file_is_kept_beside_and_counting_begins_anew(tmp_path, text):
     path = tmp_path / 'file'
     path.write_bytes(text)
-    with pytest.raises(OccError, match='no file of rule counters'):
+    with pytest.raises(OccError, match='not a file of rule counters'):
         read_counts(path, RULES)
     with pytest.raises(OccError, match='no such file'):
         read_counts(tmp_path / 'nowhere', RULES)
     (tmp_path / 'file.damaged').write_text('an earlier one')
-    counts = KeptCounts(RULES, path)
-    assert 'no file of rule counters' in counts.problem
+    counts = PersistentCounts(RULES, path)
+    assert 'not a file of rule counters' in counts.problem
     assert not counts.resumed
     # Nothing is moved before something is written in its place.
     assert path.read_bytes() == text
@@ -124,7 +124,7 @@ def test_another_file_is_kept_beside_and_counting_begins_anew(tmp_path, text):
 @pytest.mark.parametrize('name', ['.', 'x' * 300, 'file/x', '/dev/zero'])
 def test_a_path_at_which_no_file_can_be_is_a_problem_of_the_counters_only(tmp_path, name):
     (tmp_path / 'file').touch()
-    counts = KeptCounts(RULES, tmp_path / name)
+    counts = PersistentCounts(RULES, tmp_path / name)
     assert counts.problem
     counts.add_stamped(RULES.judge(BATCHES[0]), 1)
     with pytest.raises(OccError, match='cannot write'):
@@ -133,7 +133,7 @@ def test_a_path_at_which_no_file_can_be_is_a_problem_of_the_counters_only(tmp_pa
 
 def test_damaged_counters_count_nothing(tmp_path):
     path = tmp_path / 'counts.json'
-    first = KeptCounts(RULES, path)
+    first = PersistentCounts(RULES, path)
     first.add_stamped(RULES.judge(BATCHES[0]), 1)
     first.keep()
     whole = json.loads(path.read_text())
@@ -143,6 +143,6 @@ def test_damaged_counters_count_nothing(tmp_path):
         changes.append({'rules': {'a': one, 'b': {**one, 'violated': wrong}}})
     for change in changes:
         path.write_text(json.dumps(whole | change))
-        with pytest.raises(OccError, match='no file of rule counters'):
+        with pytest.raises(OccError, match='not a file of rule counters'):
             read_counts(path, RULES)
-        assert numbers(KeptCounts(RULES, path)) == ([0, 0], [0, 0])
+        assert numbers(PersistentCounts(RULES, path)) == ([0, 0], [0, 0])

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Counters of rules that outlive the process that counts, in a small file of their own."""
+"""Rule counters that survive a restart, in a small JSON file."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ _MOST_BYTES = 100_000_000
 _DAMAGED = 'damaged'
 
 
-class KeptCounts(RuleCounts):
-    """Counts as :class:`RuleCounts` does, and goes on where the file stands.
+class PersistentCounts(RuleCounts):
+    """Counts as :class:`RuleCounts` does, and continues from a file.
 
     Attributes:
         evaluated: (rules,) int64.
         violated: (rules,) int64.
         until_ns: stamp of the newest samples counted, in ns; 0 for none.
-        resumed: whether the counters go on from the file.
-        problem: why the file there cannot be used, in one sentence; empty where it can. It is
-            kept beside, as ``.damaged``, once there is something to write.
+        resumed: whether the counters continue from the file.
+        problem: why the existing file cannot be used, in one sentence; empty if it can. It is
+            renamed to ``.damaged`` at the first write.
     """
 
     def __init__(self, rule_set: RuleSet, path: str | Path = '') -> None:
@@ -41,21 +41,21 @@ class KeptCounts(RuleCounts):
 
         Args:
             rule_set: the rules to count.
-            path: JSON file; none: the counters are not kept.
+            path: JSON file; empty: the counters are not saved.
         """
         super().__init__(rule_set)
         self._rule_set, self._path = rule_set, path
-        # What to append to the name of the file that is there, if it is to be kept beside: the
-        # rule set that it counts, or that it is damaged.
+        # Suffix that the existing file is to be renamed with: the rule set that it counts, or
+        # that it is damaged; empty to replace it.
         self._other = self.problem = ''
         self.until_ns = 0
         self.resumed = bool(path) and self._read()
         self._is_first = self._is_kept = self.resumed
 
     def add_stamped(self, judgement: Judgement, stamp_ns: int) -> None:
-        """Count the samples of one judgement, unless the process before has done so.
+        """Count the samples of one judgement, unless the previous process has.
 
-        After a restart a simulation repeats its last samples, which may be counted in the file.
+        A simulation repeats its last samples after a restart, which may be in the file already.
         """
         if not (self._is_first and stamp_ns == self.until_ns):
             self.add(judgement)
@@ -69,10 +69,10 @@ class KeptCounts(RuleCounts):
         self._is_kept = False
 
     def keep(self) -> None:
-        """Write the file in one move, unless it is up to date.
+        """Write the file atomically, unless it is up to date.
 
         Raises:
-            OccError: it cannot be written; the file before stays.
+            OccError: it cannot be written; the previous file stays.
         """
         if self._is_kept or not self._path:
             return
@@ -94,15 +94,15 @@ class KeptCounts(RuleCounts):
                 if target.is_file():
                     target.replace(_free_name(f'{self._path}.{self._other}'))
             except OSError as error:
-                raise DataError(f'cannot write {self._path}: {error.strerror or error}') from error
+                raise OccError(f'cannot write {self._path}: {error.strerror or error}') from error
         self._other = ''
-        # The disk is not waited for: a monitor writes this each second beside its judging.
+        # Not synced to disk: a monitor writes this every second while it judges.
         with replacing(self._path, COUNTS, durable=False) as draft:
             draft.write_text(json.dumps(document, indent=1), encoding='utf-8')
         self._is_kept = True
 
     def _read(self) -> bool:
-        """Take over what the file says; return whether it counts these rules."""
+        """Load the file; return whether it counts these rules."""
         try:
             if not _may_exist(self._path):
                 return False
@@ -120,7 +120,7 @@ class KeptCounts(RuleCounts):
         except OccError as error:
             self.problem = str(error)
         except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
-            self.problem = f'{self._path} is no file of rule counters; allowed is {_FORMAT!r}'
+            self.problem = f'{self._path} is not a file of rule counters; allowed is {_FORMAT!r}'
         else:
             self.evaluated[:], self.violated[:] = evaluated, violated
             return True
@@ -146,10 +146,10 @@ def _count(value: Any) -> int:
 
 
 def _name_of(fingerprint: Any) -> str:
-    """Return the fingerprint of a rule set as a part of a file's name.
+    """Return the fingerprint of a rule set for use in a file name.
 
     Raises:
-        ValueError: it is none.
+        ValueError: it is not a fingerprint.
     """
     if not isinstance(fingerprint, str) or not re.fullmatch(r'\w{1,64}', fingerprint):
         raise ValueError(fingerprint)
@@ -157,7 +157,7 @@ def _name_of(fingerprint: Any) -> str:
 
 
 def _free_name(name: str) -> str:
-    """Return a name at which nothing is lost but older counters of the same rule set."""
+    """Return a name that replaces nothing but older counters of the same rule set."""
     if not name.endswith(f'.{_DAMAGED}'):
         return name
     numbered = (f'{name}.{number}' for number in itertools.count(1))
@@ -168,11 +168,11 @@ def read_counts(path: str | Path, rule_set: RuleSet) -> RuleCounts:
     """Return the counters of these rules that a file holds.
 
     Raises:
-        OccError: it cannot be read, is no file of counters, or counts other rules.
+        DataError: it cannot be read, is no file of counters, or counts other rules.
     """
     if not os.path.exists(path):
         raise DataError(f'cannot read {path}: there is no such file')
-    counts = KeptCounts(rule_set, path)
+    counts = PersistentCounts(rule_set, path)
     if counts.problem:
         raise DataError(counts.problem)
     if not counts.resumed:

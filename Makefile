@@ -19,29 +19,29 @@ setup:  ## make .venv with everything in it (a second time: nothing to do)
 demo: setup  ## record, learn, monitor and train with real nodes, in under 5 minutes
 	@.venv/bin/occ demo
 
-test: setup  ## all tests but the slow ones
+test: setup  ## run all tests but the slow ones
 	@$(PYTHON) -m pytest
 
 test-numpy1:  ## the same with NumPy 1.26, which ROS 2 Jazzy ships, in .venv-numpy1
 	@scripts/setup.sh --venv .venv-numpy1 --pins requirements/pins-numpy1.txt
 	@.venv-numpy1/bin/python -m pytest
 
-lint: setup  ## check Python, shell, Docker and YAML files
+lint: setup  ## check Python (style and types), shell, Docker and YAML files
 	@scripts/lint.sh
 
 format: setup  ## rewrite Python files the way lint wants them
 	@.venv/bin/ruff check --fix
 	@.venv/bin/ruff format
 
-bench: setup  ## measure the loop of sim, monitor and learner, and how fast rules judge
-	@.venv/bin/occ bench loop --json
-	@.venv/bin/occ bench rules --json
+bench: setup  ## measure training over topics and rule evaluation, as JSON
+	@$(PYTHON) -m benchmarks loop --json
+	@$(PYTHON) -m benchmarks rules --json
 
 colcon: setup  ## build ros2_ws with colcon and start one node out of its install tree
 	@scripts/colcon.sh
 
 clean:  ## remove environments and everything that was built
 	rm -rf .venv .venv-numpy1 .venv-colcon ros2_ws/build ros2_ws/install ros2_ws/log
-	rm -rf .pytest_cache .ruff_cache .hypothesis src/occ_constraints_pkg/build \
+	rm -rf .pytest_cache .ruff_cache .mypy_cache .hypothesis src/occ_constraints_pkg/build \
 	  src/occ_constraints_pkg/*.egg-info
-	find src tests -name __pycache__ -type d -prune -exec rm -rf {} +
+	find src tests experiments benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -18,8 +18,6 @@ from occ_constraints_pkg.rosbag.writer import BagWriter
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
-from benchmarks.conditions import machine, versions
-
 _MEGABYTES = 200
 _BEAMS = 720
 _START_NS = 1_700_000_000_000_000_000
@@ -68,8 +66,6 @@ def run(seconds: float | None = None) -> dict[str, Any]:
             'beams': _BEAMS,
             'features': len(_feature_map('scan').features),
         },
-        'machine': machine(),
-        'versions': versions(('numpy', 'rosbags', 'mcap', 'zstandard')),
     }
 
 

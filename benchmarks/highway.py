@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""``occ bench highway``: the batched highway beside highway-env on the same scenarios."""
+"""The batched highway beside highway-env on the same scenarios."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from occ_constraints_pkg.worlds.highway_scenarios import TRAFFIC, scenario
 from occ_constraints_pkg.worlds.highway_traffic import STEP_SECONDS
 from occ_constraints_pkg.worlds.stream import EpisodeStream
 
-from benchmarks.conditions import machine, versions
 from experiments.highway_fidelity import compare
 from experiments.highway_reference import ReferenceHighway
 
@@ -77,8 +76,6 @@ def run(seconds: float = 10.0) -> dict[str, Any]:
         'metrics': metrics,
         'peers': peers,
         'settings': {'vehicles': TRAFFIC + 1, 'step_s': STEP_SECONDS, 'seconds': seconds},
-        'machine': machine(),
-        'versions': versions(('numpy', 'highway-env')),
     }
 
 

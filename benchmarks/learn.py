@@ -13,8 +13,6 @@ import numpy as np
 from occ_constraints_pkg.learning.estimator import OCTreeClassifier
 from sklearn.ensemble import IsolationForest
 
-from benchmarks.conditions import machine, versions
-
 _ROWS, _FEATURES, _DEPTH = 1_000_000, 20, 10
 _MOST_ROUNDS = 5
 
@@ -55,8 +53,6 @@ def run(seconds: float = 30.0) -> dict[str, Any]:
             'rounds': len(ours),
             'memory': 'largest total of tracemalloc during a fit, input included',
         },
-        'machine': machine(),
-        'versions': versions(('numpy', 'scipy', 'scikit-learn')),
     }
 
 

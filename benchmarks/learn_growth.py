@@ -10,7 +10,6 @@ import numpy as np
 from occ_constraints_pkg.learning.safe_set import fit_safe_set
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 
-from benchmarks.conditions import machine, versions
 from benchmarks.learn import make_rows, processor_time
 
 _ROWS = (100_000, 1_000_000, 10_000_000)
@@ -39,6 +38,4 @@ def run(seconds: float = 0.0) -> dict[str, Any]:
         },
         'peers': {},
         'settings': {'features': samples.shape[1], 'max_depth': _SETTINGS.max_depth},
-        'machine': machine(),
-        'versions': versions(('numpy', 'scipy')),
     }

@@ -20,7 +20,6 @@ from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.rules.constraints_file import Constraints
 from occ_constraints_pkg.worlds.registry import make_world
 
-from benchmarks.conditions import machine, versions
 from experiments.transfer import demonstrated_constraints
 
 _WORLD = 'PointGoal1'
@@ -63,8 +62,6 @@ def run(seconds: float = 20.0) -> dict[str, Any]:
             'seconds': seconds,
             'rounds': _ROUNDS,
         },
-        'machine': machine(),
-        'versions': versions(('numpy', 'torch', 'mujoco', 'ros-rclpy')),
     }
 
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""``occ bench monitor``: the node monitor beside a bare rclpy relay of the same messages."""
+"""The node monitor beside a bare rclpy relay of the same messages."""
 
 from __future__ import annotations
 
@@ -22,8 +22,7 @@ from occ_constraints_pkg.rules.constraints_file import Constraints
 from rclpy.context import Context
 from sensor_msgs.msg import PointCloud2
 
-from benchmarks.conditions import machine, versions
-from benchmarks.synthetic import drives, learned_rules
+from benchmarks.synthetic import learned_rules, samples_of_a_car
 from benchmarks.traffic import Answers, Traffic, serialized
 
 _MESSAGES = 500
@@ -101,11 +100,14 @@ def run(seconds: float = 60.0) -> dict[str, Any]:
     """
     rng = np.random.default_rng(0)
     rule_set = learned_rules(rng)
-    rows = drives(rng, _MESSAGES).astype(np.float32)
+    rows = samples_of_a_car(rng, _MESSAGES).astype(np.float32)
     names = rule_set.space.names
     one = serialized([Table(names, row[None]) for row in rows])
     many = serialized(
-        [Table(names, drives(rng, _MANY_ROWS).astype(np.float32)) for _ in range(_MANY_MESSAGES)]
+        [
+            Table(names, samples_of_a_car(rng, _MANY_ROWS).astype(np.float32))
+            for _ in range(_MANY_MESSAGES)
+        ]
     )
     constraints = Constraints(rule_set, _feature_map(rule_set.space))
     with _targets(constraints) as (monitor, relay):
@@ -147,8 +149,6 @@ def run(seconds: float = 60.0) -> dict[str, Any]:
             'rows_per_message': [1, _MANY_ROWS],
             'seconds': seconds,
         },
-        'machine': machine(),
-        'versions': versions(('numpy', 'ros-jazzy-rclpy')),
     }
 
 

@@ -16,7 +16,6 @@ from occ_constraints_pkg.demo.processes import NodeProcess, private_domain
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.rosbag.recording import Recording
 
-from benchmarks.conditions import machine, versions
 from benchmarks.many_topics import number_of, read_log
 
 _TOPICS, _RATE = 200, 5.0
@@ -83,8 +82,6 @@ def run(seconds: float = 8.0) -> dict[str, Any]:
             'messages': sum(item.expected for item in killed + interrupted),
             'seconds': seconds,
         },
-        'machine': machine(),
-        'versions': versions(('numpy', 'mcap', 'ros-jazzy-rclpy')),
     }
 
 

@@ -1,6 +1,8 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""A bare rclpy relay, the peer of the monitor in ``occ bench monitor``: observation in, costs out.
+"""A bare rclpy relay, the peer of the monitor in the benchmark ``monitor``.
+
+It takes observations and answers with costs.
 
 It runs as a process of its own, ``python -m benchmarks.relay --ros-args ...``,
 and publishes each message as it came.

@@ -15,8 +15,7 @@ from occ_constraints_pkg.rules import RuleSet, Verdict
 from occ_constraints_pkg.rules.forecast import Forecast, Forecaster
 from sklearn.tree import DecisionTreeClassifier
 
-from benchmarks.conditions import machine, versions
-from benchmarks.synthetic import TRAINING_ROWS, drives, learned_rules
+from benchmarks.synthetic import TRAINING_ROWS, learned_rules, samples_of_a_car
 
 _ROWS = 1_000_000
 _LEAST_ROUNDS = 3
@@ -40,7 +39,7 @@ def run(seconds: float = 5.0) -> dict[str, Any]:
     """
     rng = np.random.default_rng(0)
     rule_set = learned_rules(rng)
-    rows = drives(rng, _ROWS)
+    rows = samples_of_a_car(rng, _ROWS)
     shares = np.bincount(rule_set.verdicts(rows), minlength=3) / len(rows)
     verdict_tree, even_tree = _trees(rule_set, rng)
 
@@ -102,15 +101,13 @@ def run(seconds: float = 5.0) -> dict[str, Any]:
             'sklearn_even_depth': even_tree.get_depth(),
             'seconds': seconds,
         },
-        'machine': machine(),
-        'versions': versions(('numpy', 'scikit-learn')),
     }
 
 
 def _trees(
     rule_set: RuleSet, rng: np.random.Generator
 ) -> tuple[DecisionTreeClassifier, DecisionTreeClassifier]:
-    samples, leaves = drives(rng, TRAINING_ROWS), len(rule_set.rules)
+    samples, leaves = samples_of_a_car(rng, TRAINING_ROWS), len(rule_set.rules)
     labels = rng.random(len(samples)) < 0.5
     deep = DecisionTreeClassifier(max_leaf_nodes=leaves, random_state=0)
     even = DecisionTreeClassifier(

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Made-up driving of a car and its rules, for benchmarks: 20 features, 80 rules of every length."""
+"""Synthetic samples of a car and rules for them: 20 features, 80 rules of every length."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ _LIDAR_REACH = (0.95, 0.7, 0.4)
 _SETTINGS = OCTreeSettings(alpha=0.5, max_depth=20)
 
 
-def drives(rng: np.random.Generator, rows: int) -> np.ndarray:
-    """Return (rows, 20) made-up samples of a car's features, in no order.
+def samples_of_a_car(rng: np.random.Generator, rows: int) -> np.ndarray:
+    """Return (rows, 20) synthetic samples of a car's features, in no order.
 
     Args:
         rng: draws them.
@@ -69,7 +69,7 @@ def learned_rules(rng: np.random.Generator) -> RuleSet:
             *(Feature(f'd_l{number}', '1', 0.0, 1.0) for number in range(_LIDAR_BINS)),
         )
     )
-    samples = drives(rng, TRAINING_ROWS)
+    samples = samples_of_a_car(rng, TRAINING_ROWS)
     demonstrated = np.stack([samples.min(axis=0), samples.max(axis=0)], axis=1)
     learned = extract_rules(fit_safe_set(samples, _SETTINGS), space, demonstrated)
     single = [rule for rule in learned.rules if len(rule.literals) == 1]

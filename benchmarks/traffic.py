@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.features.table import Table
-from occ_constraints_pkg.ros.messages import table_message
-from occ_constraints_pkg.ros.qos import SETTLED_LOOKS, STEPS
+from occ_constraints_pkg.ros.qos import SETTLED_CHECKS, STEPS
+from occ_constraints_pkg.ros.tables import table_message
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.context import Context
@@ -107,7 +107,7 @@ class Traffic:
             OccError: it does not come.
         """
         end, settled = time.monotonic() + _MATCH_SECONDS, 0
-        while settled < SETTLED_LOOKS:
+        while settled < SETTLED_CHECKS:
             there = self._publisher.get_subscription_count() and self._node.count_publishers(
                 f'{self._node.get_namespace()}/costs'
             )

@@ -22,7 +22,7 @@ def run(seconds: float = 60.0) -> dict[str, Any]:
     """Measure training with everything included: simulation, costs, learner and its updates.
 
     The comparison of three processes with one is that of :mod:`.loop`, over a longer time. Beside
-    them stands ``occ train`` with its defaults, the world's own cost and fewer robots.
+    them is ``occ train`` with its defaults, the world's own cost and fewer robots.
 
     Args:
         seconds: training time of each of the two forms.

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""``occ bench worlds``: steps of the Safety-Gym tasks beside a bare loop of MuJoCo steps."""
+"""Steps of the Safety-Gym tasks beside a bare loop of MuJoCo steps."""
 
 from __future__ import annotations
 
@@ -14,8 +14,6 @@ from occ_constraints_pkg.worlds.physics import SUBSTEPS
 from occ_constraints_pkg.worlds.registry import make_world
 from occ_constraints_pkg.worlds.safety_gym import SafetyGymWorld
 from occ_constraints_pkg.worlds.stream import EpisodeStream
-
-from benchmarks.conditions import machine, versions
 
 TASKS = ('PointGoal1', 'PointPush1', 'CarGoal1', 'CarPush1')
 ROBOTS = 64
@@ -56,8 +54,6 @@ def run(seconds: float = 10.0) -> dict[str, Any]:
         'metrics': metrics,
         'peers': peers,
         'settings': {'robots': ROBOTS, 'substeps': SUBSTEPS, 'seconds': seconds},
-        'machine': machine(),
-        'versions': versions(('numpy', 'mujoco')),
     }
 
 

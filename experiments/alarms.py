@@ -1,11 +1,12 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Whether the false-alarm promise holds: rules of an expert on fresh episodes of that expert."""
+"""Whether the false-alarm guarantee holds: rules of an expert on fresh episodes of that expert."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,11 +18,12 @@ from occ_constraints_pkg.learning.scoring import score_flags
 from occ_constraints_pkg.worlds.registry import make_world
 
 from benchmarks.conditions import machine, versions
+from experiments.results import markdown_table, write_results
 from experiments.states import drive_states
 from experiments.truth import worlds_with_truth
 
-PROMISES = (0.2, 0.1, 0.05)
-"""The probabilities that are promised; beside them, no promise at all."""
+GUARANTEES = (0.2, 0.1, 0.05)
+"""Probabilities of a false alarm that are guaranteed; beside them, no guarantee at all."""
 
 _JUDGED_EPISODES = 50
 
@@ -34,8 +36,8 @@ class AlarmSettings:
         world: a world whose true cost is known.
         demonstrations: episodes to learn from, those held out included.
         episodes: of the expert, in all.
-        draws: how often they are dealt out anew.
-        seed: of all chance.
+        draws: how often they are divided anew.
+        seed: of everything random.
     """
 
     world: str = 'PointGoal1'
@@ -59,27 +61,31 @@ class AlarmSettings:
 
 
 def run_alarms(
-    settings: AlarmSettings, *, progress: Callable[[int, int], None] | None = None
+    output: Path,
+    settings: AlarmSettings,
+    *,
+    progress: Callable[[int, int], None] = lambda *_: None,
 ) -> dict[str, Any]:
-    """Learn with and without the promise, and count fresh episodes with an alarm.
+    """Learn with and without the guarantee, and count fresh episodes with an alarm.
 
-    Two kinds of promise: calibrated on held-out demonstrations, which is a promise about episodes
-    like those, whatever happened in them; and calibrated on half of the other episodes without
-    true cost, which is a promise about episodes without true cost.
+    Two kinds of guarantee: calibrated on held-out demonstrations, which is about episodes like
+    those, whatever happened in them; and calibrated on half of the other episodes without true
+    cost, which is about episodes without true cost.
 
     Args:
+        output: directory for ``alarms.json`` and ``alarms.md``.
         settings: what to draw.
         progress: called with (draws done, draws in all).
 
     Returns:
-        ``lines``: per kind and promise the mean and the standard deviation over draws of the
+        ``lines``: per kind and guarantee the mean and the standard deviation over draws of the
         margin that bounds moved by and of the share of fresh episodes with an alarm, and the mean
         precision and recall on states of a driver that ignores hazards.
     """
     feature_map = load_feature_map(settings.world)
     values, costly = _drive(settings, 'expert', settings.episodes, settings.seed)
-    heedless = 'straightv' if settings.world == 'PointGoal1' else 'random'
-    judged = _drive(settings, heedless, _JUDGED_EPISODES, 10_000 + settings.seed)
+    ignoring = 'straightv' if settings.world == 'PointGoal1' else 'random'
+    judged = _drive(settings, ignoring, _JUDGED_EPISODES, 10_000 + settings.seed)
     rng = np.random.default_rng(settings.seed)
     rows: dict[tuple[str, float | None], list[tuple[float, ...]]] = {}
     for draw in range(settings.draws):
@@ -91,43 +97,45 @@ def run_alarms(
             ('demonstrated', None, others),
             ('without true cost', harmless[:half], harmless[half:]),
         ):
-            for promise in (None, *PROMISES):
+            for guaranteed in (None, *GUARANTEES):
                 row = _once(
                     feature_map,
                     values[learned],
-                    None if calibrated is None or promise is None else values[calibrated],
+                    None if calibrated is None or guaranteed is None else values[calibrated],
                     values[fresh],
                     judged,
-                    promise,
+                    guaranteed,
                     rng,
                 )
-                rows.setdefault((kind, promise), []).append(row)
-        if progress is not None:
-            progress(draw + 1, settings.draws)
-    return {
-        'settings': {**asdict(settings), 'heedless': heedless},
+                rows.setdefault((kind, guaranteed), []).append(row)
+        progress(draw + 1, settings.draws)
+    result = {
+        'settings': {**asdict(settings), 'heedless': ignoring},
         'episodes_with_true_cost': float(costly.any(axis=1).mean()),
-        'lines': [_line(kind, promise, found) for (kind, promise), found in rows.items()],
+        'lines': [_line(*key, found) for key, found in rows.items()],
         'machine': machine(),
         'versions': versions(('numpy', 'scipy', 'mujoco')),
     }
+    write_results(output, 'alarms', result, markdown(result))
+    return result
 
 
 def markdown(result: Mapping[str, Any]) -> str:
     """Return the lines as a Markdown table."""
+    heads = ('episodes', 'guaranteed', 'bound', 'moved by', 'fresh with an alarm')
     rows = [
-        '| episodes | promised | bound | moved by | fresh with an alarm | precision | recall |',
-        '|---|---|---|---|---|---|---|',
-    ]
-    for line in result['lines']:
-        promised = '-' if line['promised'] is None else f'{line["promised"]:g}'
-        rows.append(
-            f'| {line["episodes"]} | {promised} | {_digits(line["bound"], 3)} | '
-            f'{line["margin"]["mean"]:.4f} ± {line["margin"]["std"]:.4f} | '
-            f'{line["alarm_rate"]["mean"]:.3f} ± {line["alarm_rate"]["std"]:.3f} | '
-            f'{_digits(line["precision"]["mean"], 2)} | {_digits(line["recall"]["mean"], 2)} |'
+        (
+            line['episodes'],
+            '-' if line['promised'] is None else f'{line["promised"]:g}',
+            _digits(line['bound'], 3),
+            f'{line["margin"]["mean"]:.4f} ± {line["margin"]["std"]:.4f}',
+            f'{line["alarm_rate"]["mean"]:.3f} ± {line["alarm_rate"]["std"]:.3f}',
+            _digits(line['precision']['mean'], 2),
+            _digits(line['recall']['mean'], 2),
         )
-    return '\n'.join(rows) + '\n'
+        for line in result['lines']
+    ]
+    return markdown_table((*heads, 'precision', 'recall'), rows) + '\n'
 
 
 def _digits(value: float | None, digits: int) -> str:
@@ -151,7 +159,7 @@ def _once(
     calibrated: np.ndarray | None,
     fresh: np.ndarray,
     judged: tuple[np.ndarray, np.ndarray],
-    promise: float | None,
+    guaranteed: float | None,
     rng: np.random.Generator,
 ) -> tuple[float, ...]:
     """Return margin moved, bound, share of fresh episodes with an alarm, precision, recall."""
@@ -159,7 +167,7 @@ def _once(
         *_flat(demonstrations),
         feature_map.space,
         rng=rng,
-        false_alarm=promise,
+        false_alarm=guaranteed,
         safe_episodes=None if calibrated is None else _flat(calibrated),
     )
     calibration = constraints.learner.get('calibration', {'margin': 0.0, 'bound': np.nan})
@@ -181,12 +189,12 @@ def _flat(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return values.reshape(-1, features), np.repeat(np.arange(episodes), steps)
 
 
-def _line(kind: str, promise: float | None, found: list[tuple[float, ...]]) -> dict[str, Any]:
+def _line(kind: str, guaranteed: float | None, found: list[tuple[float, ...]]) -> dict[str, Any]:
     table = np.array(found)
     names = ('margin', 'bound', 'alarm_rate', 'precision', 'recall')
     spread = {name: _spread(column) for name, column in zip(names, table.T, strict=True)}
     bound = spread.pop('bound')['mean']
-    return {'episodes': kind, 'promised': promise, 'bound': bound, **spread}
+    return {'episodes': kind, 'promised': guaranteed, 'bound': bound, **spread}
 
 
 def _spread(column: np.ndarray) -> dict[str, float | None]:

@@ -19,7 +19,6 @@ What the article leaves open, and what is done here:
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -28,7 +27,6 @@ from typing import Any
 
 import numpy as np
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.files import RESULTS, TABLE, make_directory, write_text
 from occ_constraints_pkg.learning.octree import fit_tree, oversteps
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.learning.tree import Node
@@ -37,12 +35,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 from sklearn.svm import OneClassSVM
 
-from benchmarks.conditions import (
-    data_folder,
-    earlier_results,
-    machine,
-    versions,
-)
+from benchmarks.conditions import machine, versions
 from experiments.article_data import (
     BENCHMARKS,
     Benchmark,
@@ -50,6 +43,7 @@ from experiments.article_data import (
     load_benchmark,
 )
 from experiments.article_printed import METHODS, NOISE_LEVELS, markdown
+from experiments.results import data_folder, earlier_results, write_results
 
 NUS = (0.05, 0.10, 0.15, 0.20)
 _LEAST_SAMPLES = 5
@@ -68,7 +62,7 @@ def run_article(
     folder: Path | None = None,
     names: Sequence[str] = (),
     noise_levels: Sequence[int] = NOISE_LEVELS,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[int, int], None] = lambda *_: None,
 ) -> dict[str, Any]:
     """Run what ``output/article.json`` lacks yet; write that file and ``article.md``.
 
@@ -78,9 +72,8 @@ def run_article(
     Args:
         output: directory of the results.
         splits: random splits per cell.
-        seed: seed of all chance.
-        folder: where the CSV files lie; by default ``oneclass`` in
-            ``OCC_TEST_DATA`` or ``../shared/data``.
+        seed: of everything random.
+        folder: where the CSV files are; default: ``oneclass``, see :func:`.data_folder`.
         names: the data sets to run; all if empty.
         noise_levels: outliers in percent of the targets.
         progress: called with (cells done, cells in all).
@@ -109,15 +102,8 @@ def run_article(
             for benchmark in BENCHMARKS
         },
     }
-    file = output / 'article.json'
-    old = earlier_results(file)
-    if old and old['settings'] != settings:
-        raise OccError(
-            f'{file} holds results of other settings (seed {old["settings"].get("seed")}, '
-            f'{old["settings"].get("splits")} splits); allowed is the same or another directory'
-        )
-    make_directory(output)
-    cells, skipped = old.get('cells', {}), {}
+    cells = earlier_results(output / 'article.json', settings).get('cells', {})
+    skipped: dict[str, str] = {}
     todo = []
     for benchmark in BENCHMARKS:
         if names and benchmark.name not in names:
@@ -149,11 +135,9 @@ def run_article(
                 'noise_percent': noise,
                 **_run_cell(benchmark, values, classes, target, noise, splits, rng),
             }
-            write_text(file, RESULTS, json.dumps(result, indent=1, allow_nan=False) + '\n')
-        if progress is not None:
-            progress(number + 1, len(todo))
-    write_text(file, RESULTS, json.dumps(result, indent=1, allow_nan=False) + '\n')
-    write_text(output / 'article.md', TABLE, markdown(cells))
+            write_results(output, 'article', result)
+        progress(number + 1, len(todo))
+    write_results(output, 'article', result, markdown(cells))
     return result
 
 

@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from experiments.results import markdown_table
+
 NOISE_LEVELS = (2, 5, 10, 15)
 METHODS = {'oc_tree': 'OC-tree', 'ocsvm': 'OCSVM', 'isolation_forest': 'Isolation Forest'}
 
@@ -85,26 +87,22 @@ def markdown(cells: Mapping[str, Mapping[str, Any]]) -> str:
         heads = [text for name in METHODS.values() for text in (name, 'printed')]
         if approach == 'B':
             heads = [METHODS['oc_tree'], 'printed', *list(METHODS.values())[1:]]
-        lines = [
-            f'Approach {approach}: {title}',
-            '',
-            f'| data | x % | {" | ".join(heads)} |',
-            '|---' * (len(heads) + 2) + '|',
-        ]
-        lines += [_line(cell, approach) for cell in chosen]
-        parts.append('\n'.join(lines))
+        table = markdown_table(
+            ('data', 'x %', *heads), [_entries(cell, approach) for cell in chosen]
+        )
+        parts.append(f'Approach {approach}: {title}\n\n{table}')
     return '\n\n'.join(parts) + '\n'
 
 
-def _line(cell: Mapping[str, Any], approach: str) -> str:
-    entries = []
+def _entries(cell: Mapping[str, Any], approach: str) -> list[str]:
+    entries = [cell['target'], str(cell['noise_percent'])]
     for method in METHODS:
         result = cell['methods'][method]
         entries.append(' / '.join(_spread(result[measure]) for measure in ('precision', 'recall')))
         if approach == 'A' or method == 'oc_tree':
             values = printed(cell['target'], method, cell['noise_percent'])
             entries.append(' / '.join(_short(value) for value in values) if values else '-')
-    return f'| {cell["target"]} | {cell["noise_percent"]} | {" | ".join(entries)} |'
+    return entries
 
 
 def _spread(value: Mapping[str, float]) -> str:

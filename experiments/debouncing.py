@@ -10,21 +10,20 @@ shows must stop the robot, and keep it stopped.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from occ_constraints_pkg.files import make_directory, replacing
 from occ_constraints_pkg.rules.gating import Debounce, GateSettings
 from occ_constraints_pkg.rules.verdict import Verdict
 
+from experiments.results import data_folder, markdown_table, write_results
 from experiments.robots import (
     KINDS,
-    data_folder,
     learn_safe,
+    other_recordings,
     read_recorded,
     safe_recordings,
     suggested_map,
@@ -65,13 +64,13 @@ CANDIDATES: dict[str, Callable[[], Debounce | _Leaky]] = {
 
 
 @dataclass(frozen=True)
-class _Drive:
+class _Judged:
     """The verdicts on one recording.
 
     Attributes:
         is_safe: whether nothing happened in it.
         verdict: (n,) the verdicts.
-        seconds: (n,) how long each stands.
+        seconds: (n,) how long each is valid.
     """
 
     is_safe: bool
@@ -79,66 +78,65 @@ class _Drive:
     seconds: np.ndarray
 
 
-def run_debouncing(output: Path, *, folder: Path | None = None) -> dict[str, Any]:
+def run_debouncing(
+    output: Path,
+    *,
+    folder: Path | None = None,
+    progress: Callable[[int, int], None] = lambda *_: None,
+) -> dict[str, Any]:
     """Run the experiment and write ``debouncing.json`` and ``debouncing.md``.
 
     Args:
         output: directory for the files; made if needed.
-        folder: where the recordings are; None for
-            :func:`~experiments.robots.data_folder`.
+        folder: where the recordings are; default: ``robots``, see :func:`.data_folder`.
+        progress: called with (kinds of robots read, kinds in all).
 
     Raises:
         OccError: there are fewer than three safe recordings of a kind, or one cannot be read.
     """
-    folder = data_folder() if folder is None else folder
-    drives = [drive for kind in KINDS for drive in _drives(folder, kind)]
-    make_directory(output)
+    items: list[_Judged] = []
+    for done, kind in enumerate(KINDS, start=1):
+        items += _judged(folder or data_folder('robots'), kind)
+        progress(done, len(KINDS))
     result: dict[str, Any] = {
-        'safe_recordings': sum(drive.is_safe for drive in drives),
-        'other_recordings': sum(not drive.is_safe for drive in drives),
+        'safe_recordings': sum(item.is_safe for item in items),
+        'other_recordings': sum(not item.is_safe for item in items),
         'candidates': {
-            name: {**_recorded(drives, make), **_patterns(make)}
-            for name, make in CANDIDATES.items()
+            name: {**_recorded(items, make), **_patterns(make)} for name, make in CANDIDATES.items()
         },
     }
-    for name, text in (
-        ('debouncing.json', json.dumps(result, indent=2) + '\n'),
-        ('debouncing.md', _markdown(result)),
-    ):
-        with replacing(output / name) as draft:
-            draft.write_text(text, encoding='utf-8')
+    write_results(output, 'debouncing', result, _markdown(result))
     return result
 
 
-def _drives(folder: Path, kind: str) -> Iterator[_Drive]:
+def _judged(folder: Path, kind: str) -> Iterator[_Judged]:
     paths = safe_recordings(folder, kind)
     feature_map, _ = suggested_map(paths[0], kind)
     features = list(range(len(feature_map.names)))
     safe = [read_recorded(path, feature_map) for path in paths]
     for item in safe:
         rules = learn_safe([other for other in safe if other is not item], feature_map, features)
-        yield _Drive(True, rules.rule_set.judge(item.data.values).verdict, item.seconds)
+        yield _Judged(True, rules.rule_set.judge(item.data.values).verdict, item.seconds)
     rules = learn_safe(safe, feature_map, features)
-    others = [*folder.glob(f'contact_{kind}_*'), *folder.glob(f'bump_{kind}_*')]
-    for path in sorted(others):
+    for path in other_recordings(folder, kind):
         item = read_recorded(path, feature_map)
-        yield _Drive(False, rules.rule_set.judge(item.data.values).verdict, item.seconds)
+        yield _Judged(False, rules.rule_set.judge(item.data.values).verdict, item.seconds)
 
 
 def _recorded(
-    drives: Sequence[_Drive], make: Callable[[], Debounce | _Leaky]
+    items: Sequence[_Judged], make: Callable[[], Debounce | _Leaky]
 ) -> dict[str, float | int]:
     stops, stopped, total = 0, 0.0, 0.0
     delays = []
-    for drive in drives:
-        tripped = _tripped(make(), drive.verdict != Verdict.SAFE)
-        if drive.is_safe:
+    for item in items:
+        tripped = _tripped(make(), item.verdict != Verdict.SAFE)
+        if item.is_safe:
             stops += int(np.count_nonzero(np.diff(tripped, prepend=False) & tripped))
-            stopped += float(drive.seconds[tripped].sum())
-            total += float(drive.seconds.sum())
+            stopped += float(item.seconds[tripped].sum())
+            total += float(item.seconds.sum())
         else:
-            violated = int(np.argmax(drive.verdict == Verdict.VIOLATED))
-            delays.append(float(drive.seconds[violated : int(np.argmax(tripped))].sum()))
+            violated = int(np.argmax(item.verdict == Verdict.VIOLATED))
+            delays.append(float(item.seconds[violated : int(np.argmax(tripped))].sum()))
     return {
         'false_stops': stops,
         'share_of_safe_time_stopped': round(stopped / total, 4),
@@ -170,27 +168,23 @@ def _tripped(switch: Debounce | _Leaky, bad: np.ndarray) -> np.ndarray:
 
 
 def _markdown(result: dict[str, Any]) -> str:
-    titles = ' | '.join(f'{pattern} stops at | stopped for' for pattern in PATTERNS)
-    lines = [
-        '# Debouncing of the gate',
-        '',
-        'Written by `occ experiment debouncing`. Stops on '
+    heads = ['debouncing', 'false stops', 'safe time stopped', 'time to stop']
+    for pattern in PATTERNS:
+        heads += [f'{pattern} stops at', 'stopped for']
+    rows = []
+    for name, found in result['candidates'].items():
+        row = [name, found['false_stops'], f'{found["share_of_safe_time_stopped"]:.1%}']
+        row.append(f'{found["seconds_to_stop"]:g} s')
+        for pattern in PATTERNS:
+            stops_at, share = found[pattern]['stops_at'], found[pattern]['share_stopped']
+            row += [stops_at or 'never', f'{share:.0%}']
+        rows.append(row)
+    return (
+        '# Debouncing of the gate\n\n'
+        'Written by `python -m experiments debouncing`. Stops on '
         f'{result["safe_recordings"]} safe recordings of robots, each judged by rules learned from '
         f'the others, and the longest time from the first violation to the stop on '
         f'{result["other_recordings"]} with contact or bumper. V is VIOLATED, S is SAFE; "N of M" '
         'are violated verdicts of the last M; "leaky, T, L": a violation adds 1, a safe verdict '
-        'takes L away, T stops.',
-        '',
-        f'| debouncing | false stops | safe time stopped | time to stop | {titles} |',
-        f'|{"---|" * (4 + 2 * len(PATTERNS))}',
-    ]
-    for name, found in result['candidates'].items():
-        patterns = ' | '.join(
-            f'{found[pattern]["stops_at"] or "never"} | {found[pattern]["share_stopped"]:.0%}'
-            for pattern in PATTERNS
-        )
-        lines.append(
-            f'| {name} | {found["false_stops"]} | {found["share_of_safe_time_stopped"]:.1%} '
-            f'| {found["seconds_to_stop"]:g} s | {patterns} |'
-        )
-    return '\n'.join(lines) + '\n'
+        f'takes L away, T stops.\n\n{markdown_table(heads, rows)}\n'
+    )

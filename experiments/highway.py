@@ -27,16 +27,17 @@ from occ_constraints_pkg.agents.training import (
 from occ_constraints_pkg.documents import read_json_object
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.features.feature_map import load_feature_map
-from occ_constraints_pkg.files import RESULTS, TABLE, make_directory, write_text
+from occ_constraints_pkg.files import RESULTS, make_directory, write_text
 from occ_constraints_pkg.learning.learn import learn
 from occ_constraints_pkg.rules.constraints_file import Constraints, load_constraints
-from occ_constraints_pkg.worlds.highway_demonstrations import traffic_drives
 from occ_constraints_pkg.worlds.highway_scenarios import FULL, RESTRICTED
 
 from benchmarks.conditions import machine, versions
 from experiments.highway_agents import OUTCOMES, CountedHighway, LastingRuleCost
+from experiments.highway_demonstrations import traffic_episodes
 from experiments.highway_fidelity import drive_both
 from experiments.highway_results import draw_curves, markdown, summary
+from experiments.results import write_results
 
 SETS = {'restricted': RESTRICTED, 'full': FULL}
 AGENTS = ('RL', 'RL with engineered reward', 'ours')
@@ -61,7 +62,7 @@ class HighwaySettings:
         lasting: a violation that ends an episode counts to the end of its 40 s, not once.
         episodes: fresh episodes over which each policy is judged.
         in_highway_env: scenarios that the policies of the first seed drive in highway-env as well.
-        drawn: the scenario whose drives are drawn; ``None``: none are.
+        drawn: the scenario whose trajectories are drawn; ``None``: none are.
         rules: a constraints file for ``ours``; ``None``: rules are learned from the traffic.
         learner: settings of the learner.
     """
@@ -95,7 +96,7 @@ def run_highway(
 
     Args:
         output: directory for rules and trainings, ``highway.json``, ``highway.md``, the curves in
-            ``highway.png`` and drives in ``highway_drives.png`` and ``highway_drives.gif``.
+            ``highway.png`` and trajectories in ``highway_drives.png`` and ``highway_drives.gif``.
         settings: what to run.
         progress: called with the robot steps made and to make.
         is_stopped: asked now and then; ``True`` ends the run there, saved.
@@ -149,10 +150,9 @@ def run_highway(
         'versions': versions(('numpy', 'torch')),
     }
     if not lines:
-        # Stopped in the first training: nothing to tell, nor to replace an earlier result by.
+        # Stopped in the first training: nothing to report, nor to replace an earlier result by.
         return document
-    write_text(output / 'highway.json', RESULTS, json.dumps(document, indent=None) + '\n')
-    write_text(output / 'highway.md', TABLE, markdown(document['summary']))
+    write_results(output, 'highway', document, markdown(document['summary']))
     draw_curves(output / 'highway.png', lines)
     if settings.drawn is not None:
         _draw_drives(output, settings)
@@ -180,11 +180,11 @@ def rules_for(output: Path, name: str, given: str | None) -> Constraints:
     path = Path(given) if given else output / f'rules_{name}.yaml'
     if not path.exists() and not given:
         numbers = np.linspace(0, SETS[name] - 1, _DEMONSTRATED).astype(int)
-        values, drives = traffic_drives(numbers.tolist())
+        values, episodes = traffic_episodes(numbers.tolist())
         feature_map = load_feature_map('highway')
         learn(
             values.astype(np.float64),
-            drives,
+            episodes,
             feature_map.space,
             rng=np.random.default_rng(0),
             feature_map=feature_map.to_document(),

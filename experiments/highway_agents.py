@@ -96,7 +96,7 @@ def safety_reward(observation: np.ndarray, info: dict[str, Any]) -> np.ndarray:
 
     Args:
         observation: (N, k) states just reached.
-        info: what the world's step told.
+        info: of the world's step.
     """
     speed, gap = observation[:, _V_X], observation[:, _AHEAD]
     ahead = speed + observation[:, _AHEAD_RELATIVE]

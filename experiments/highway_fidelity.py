@@ -41,8 +41,8 @@ class Fidelity:
         surroundings: largest difference of what the ego knows: speeds, gaps, edges; in m and m/s.
         ends_differ: scenarios in which the ego's drive ended at another step or otherwise.
         lane_changes: lane changes that began in the traffic.
-        collisions: drives that ended with a collision in both.
-        off_road: drives that ended off the road in both.
+        collisions: episodes that ended with a collision in both.
+        off_road: episodes that ended off the road in both.
     """
 
     steps: int
@@ -128,13 +128,13 @@ def compare(
 
 @dataclass(frozen=True)
 class Ends:
-    """How drives of a policy end in highway-env.
+    """How episodes of a policy end in highway-env.
 
     Attributes:
-        drives: number of drives.
+        drives: number of episodes.
         alike: those that end after the same step and for the same reason in the batched world.
-        collision: drives that end with a collision in highway-env.
-        off_road: drives that end off the road in highway-env.
+        collision: episodes that end with a collision in highway-env.
+        off_road: episodes that end off the road in highway-env.
     """
 
     drives: int

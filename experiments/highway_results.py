@@ -19,6 +19,8 @@ from occ_constraints_pkg.agents.evaluation import half_width
 from occ_constraints_pkg.files import PICTURE, replacing
 from scipy.special import ndtri
 
+from experiments.results import markdown_table
+
 RATES = {'collision': 'collision rate', 'off_road': 'off-road rate'}
 _COLOURS = {'RL': '#888888', 'RL with engineered reward': '#c8862b', 'ours': '#3b6ea5'}
 # Updates over which a point of a curve is taken.
@@ -43,7 +45,7 @@ def summary(lines: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Sum up the trainings of each agent on each set.
 
     Args:
-        lines: one per training, as ``occ experiment highway`` makes them.
+        lines: one per training, as :func:`~experiments.highway.run_highway` makes them.
 
     Returns:
         One line per set, agent and way of acting (``sampled`` or ``mean``): rates over the episodes
@@ -70,16 +72,16 @@ def summary(lines: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
 
 def markdown(rows: Sequence[Mapping[str, Any]]) -> str:
     """Return the summary as a Markdown table, rates in percent with their 95 % intervals."""
-    heads = ['set', 'agent', 'actions', 'return', *RATES.values()]
-    text = [f'| {" | ".join(heads)} |', '|---' * len(heads) + '|']
+    table = []
     for row in rows:
         half = '' if row['return_ci95'] is None else f' ± {row["return_ci95"]:.1f}'
         entries = [row['set'], row['agent'], row['acting'], f'{row["return"]:.1f}{half}']
         for name in RATES:
             low, high = row[f'{name}_interval']
             entries.append(f'{100 * row[name]:.1f} % ({100 * low:.1f} to {100 * high:.1f})')
-        text.append(f'| {" | ".join(entries)} |')
-    return '\n'.join(text) + '\n'
+        table.append(entries)
+    heads = ['set', 'agent', 'actions', 'return', *RATES.values()]
+    return markdown_table(heads, table) + '\n'
 
 
 def draw_curves(path: Path, lines: Sequence[Mapping[str, Any]]) -> None:

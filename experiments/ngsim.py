@@ -1,13 +1,13 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Rules learned from real drivers on two highways, tried on drivers held back.
+"""Rules learned from real drivers on two highways, evaluated on drivers held back.
 
 - US-101: the vehicles of CommonRoad's scenarios made from NGSIM, with the ten features of the map
   ``highway``.
 - I-80: the vehicles of a traffic history in which all begin at one moment, many at one place; gaps
   between them mean nothing, so the map is ``highway_road``, of four features.
 
-A vehicle that stands in several scenarios counts once. For each seed, a fifth of the vehicles is
+A vehicle that is in several scenarios counts once. For each seed, a fifth of the vehicles is
 held back, rules are learned from the others, and the share of the held-back time that is not SAFE
 is measured: rows are 0.1 s each. Nobody crashes, so all of it is safe. Each
 scenario is held back as a whole, too, which asks whether the rules hold at another time of day.
@@ -15,7 +15,6 @@ scenario is held back as a whole, too, which asks whether the rules hold at anot
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,14 +23,13 @@ from typing import Any
 import numpy as np
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.features.feature_map import FeatureMap, load_feature_map
-from occ_constraints_pkg.files import RESULTS, TABLE, make_directory, write_text
 from occ_constraints_pkg.learning.learn import is_safe, learn
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.traffic.convert import read_drives
 from occ_constraints_pkg.traffic.rules_text import rule_rows, rules_table
 
-from benchmarks.conditions import data_folder
+from experiments.results import data_folder, markdown_table, write_results
 
 CONTAMINATION = 0.01
 # Without splits, which is the default, and as the tree's article advises.
@@ -42,7 +40,7 @@ _HELD_BACK = 0.2
 
 @dataclass(frozen=True)
 class Highway:
-    """Where recordings of one highway lie, and what can be learned from them."""
+    """Where recordings of one highway are, and what can be learned from them."""
 
     name: str
     format: str
@@ -73,21 +71,21 @@ def run_ngsim(
     *,
     folder: Path | None = None,
     seeds: int = 10,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[int, int], None] = lambda *_: None,
 ) -> dict[str, Any]:
     """Run the experiment and write ``ngsim.json`` and ``ngsim.md``.
 
     Args:
         output: directory for the files; made if needed.
-        folder: where ``ngsim_us101`` and ``ngsim_i80`` lie; None: ``driving`` in
-            ``OCC_TEST_DATA`` or in ``../shared/data``.
+        folder: where ``ngsim_us101`` and ``ngsim_i80`` are; default: ``driving``, see
+            :func:`.data_folder`.
         seeds: number of random splits.
         progress: called with (trees learned, trees in all).
 
     Raises:
         OccError: there are no recordings, or one cannot be read.
     """
-    folder = data_folder('driving') if folder is None else folder
+    folder = folder or data_folder('driving')
     drivers = {highway.name: _read(folder, highway) for highway in HIGHWAYS}
     total = sum(len(ALPHAS) * seeds + len(_held(item)) + 1 for item in drivers.values())
     done = 0
@@ -95,8 +93,7 @@ def run_ngsim(
     def counted(*_: Any) -> None:
         nonlocal done
         done += 1
-        if progress is not None:
-            progress(done, total)
+        progress(done, total)
 
     result = {
         'contamination': CONTAMINATION,
@@ -106,12 +103,7 @@ def run_ngsim(
             for highway in HIGHWAYS
         },
     }
-    make_directory(output)
-    for name, kind, text in (
-        ('ngsim.json', RESULTS, json.dumps(result, indent=1, ensure_ascii=False) + '\n'),
-        ('ngsim.md', TABLE, markdown(result)),
-    ):
-        write_text(output / name, kind, text)
+    write_results(output, 'ngsim', result, markdown(result))
     return result
 
 
@@ -239,7 +231,7 @@ def markdown(result: Mapping[str, Any]) -> str:
     lines = [
         '# Rules of real drivers, tried on drivers held back',
         '',
-        f'Written by `occ experiment ngsim`. Contamination {result["contamination"]:g}; '
+        f'Written by `python -m experiments ngsim`. Contamination {result["contamination"]:g}; '
         f'{result["held_back"]:.0%} of the vehicles are held back in each split.',
     ]
     for name, found in result['highways'].items():
@@ -255,21 +247,27 @@ def _highway(found: Mapping[str, Any]) -> Iterator[str]:
         + (f'; {again} vehicles that stood there twice count once.' if again else '.')
     )
     yield ''
-    yield '| splits of the tree | flagged of the held-back time | largest of the splits | rules |'
-    yield '|---|---|---|---|'
+    rows = []
     for alpha, part in found['splits'].items():
         spread = '' if part['std'] is None else f' ± {part["std"]:.2%}'
-        yield (
-            f'| {alpha} | {part["mean"]:.2%}{spread} | {part["largest"]:.2%} | '
-            f'{_range([split["rules"] for split in part["splits"]])} |'
-        )
+        rules = _range([split['rules'] for split in part['splits']])
+        rows.append((alpha, f'{part["mean"]:.2%}{spread}', f'{part["largest"]:.2%}', rules))
+    heads = ('splits of the tree', 'flagged of the held-back time', 'largest of the splits')
+    yield markdown_table((*heads, 'rules'), rows)
     if found['by_recording']:
         yield ''
-        yield '| recording held back as a whole | rows | flagged | of that, by one vehicle |'
-        yield '|---|---|---|---|'
-        for item in found['by_recording']:
-            share = f'{item["of_one_vehicle"]:.0%}' if item['flagged'] else '-'
-            yield (f'| {item["recording"]} | {item["rows"]} | {item["flagged"]:.2%} | {share} |')
+        yield markdown_table(
+            ('recording held back as a whole', 'rows', 'flagged', 'of that, by one vehicle'),
+            [
+                (
+                    item['recording'],
+                    item['rows'],
+                    f'{item["flagged"]:.2%}',
+                    f'{item["of_one_vehicle"]:.0%}' if item['flagged'] else '-',
+                )
+                for item in found['by_recording']
+            ],
+        )
     yield ''
     yield 'Rules from all vehicles; each describes a violation:'
     yield ''

@@ -17,8 +17,6 @@ showed.
 
 from __future__ import annotations
 
-import json
-import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -30,7 +28,7 @@ from occ_constraints_pkg.datasets.extraction import extract
 from occ_constraints_pkg.documents import parse_yaml
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.features.feature_map import FeatureMap
-from occ_constraints_pkg.files import FEATURE_MAP, RESULTS, TABLE, make_directory, write_text
+from occ_constraints_pkg.files import FEATURE_MAP, make_directory, write_text
 from occ_constraints_pkg.learning.learn import learn
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.rosbag.recording import Recording
@@ -38,6 +36,8 @@ from occ_constraints_pkg.rules.constraints_file import Constraints
 from occ_constraints_pkg.rules.verdict import Judgement, Verdict
 from occ_constraints_pkg.suggestion.suggest import suggest
 from occ_constraints_pkg.suggestion.text import suggestion_text
+
+from experiments.results import data_folder, markdown_table, write_results
 
 KINDS = ('tb3', 'neato')
 # Share of the safe samples that may lie outside.
@@ -55,7 +55,7 @@ class Recorded:
     Attributes:
         name: of the recording.
         data: its features.
-        seconds: (n,) how long each row stands.
+        seconds: (n,) how long each row is valid.
     """
 
     name: str
@@ -63,40 +63,33 @@ class Recorded:
     seconds: np.ndarray
 
 
-def data_folder() -> Path:
-    """Return where the recordings are looked for: OCC_TEST_DATA/robots or beside the project."""
-    return Path(os.environ.get('OCC_TEST_DATA', '../shared/data')) / 'robots'
-
-
 def run_robots(
     output: Path,
     *,
     folder: Path | None = None,
     kinds: Sequence[str] = (),
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[int, int], None] = lambda *_: None,
 ) -> dict[str, Any]:
     """Run the experiment and write ``robots.json``, ``robots.md`` and the maps.
 
     Args:
         output: directory for the files; made if needed.
-        folder: where the recordings are; None for :func:`data_folder`.
+        folder: where the recordings are; default: ``robots``, see :func:`.data_folder`.
         kinds: of robots; empty for all of :data:`KINDS`.
         progress: called with (kinds done, kinds in all).
 
     Raises:
         OccError: there are fewer than three safe recordings of a kind, or one cannot be read.
     """
-    folder = data_folder() if folder is None else folder
+    folder = folder or data_folder('robots')
     chosen = tuple(kinds) or KINDS
     make_directory(output)
     result: dict[str, Any] = {'contamination': _CONTAMINATION, 'kinds': {}}
     for done, kind in enumerate(chosen):
-        if progress is not None:
-            progress(done, len(chosen))
+        progress(done, len(chosen))
         result['kinds'][kind], text = _run_kind(folder, kind)
         write_text(output / f'robots_{kind}.yaml', FEATURE_MAP, text)
-    write_text(output / 'robots.json', RESULTS, json.dumps(result, indent=2) + '\n')
-    write_text(output / 'robots.md', TABLE, _markdown(result))
+    write_results(output, 'robots', result, _markdown(result))
     return result
 
 
@@ -139,6 +132,11 @@ def safe_recordings(folder: Path, kind: str) -> list[Path]:
     return paths
 
 
+def other_recordings(folder: Path, kind: str) -> list[Path]:
+    """Return the recordings of a kind of robot with contact, or in which the bumper fired."""
+    return sorted([*folder.glob(f'bump_{kind}_*'), *folder.glob(f'contact_{kind}_*')])
+
+
 def suggested_map(path: Path, kind: str) -> tuple[FeatureMap, str]:
     """Return the map that is suggested for a recording, and its text."""
     text = suggestion_text(suggest(Recording(path)))
@@ -154,7 +152,7 @@ def read_recorded(path: Path, feature_map: FeatureMap) -> Recorded:
     data = extract([path], feature_map)
     steps = np.diff(data.stamps_ns) * 1e-9
     usual = float(np.median(steps)) if len(steps) else 1.0
-    # A row stands until the next one comes; not over a gap or a clock that was set back.
+    # A row is valid until the next one comes; not over a gap or a clock that was set back.
     steps = np.where((steps > 0) & (steps < 10 * usual), steps, usual)
     return Recorded(path.name, data, np.append(steps, usual))
 
@@ -257,7 +255,7 @@ def _markdown(result: Mapping[str, Any]) -> str:
     lines = [
         '# Rules of robots, tried on recordings held back',
         '',
-        'Written by `occ experiment robots`. Contamination '
+        'Written by `python -m experiments robots`. Contamination '
         f'{result["contamination"]:g}; the maps beside this page are as suggested.',
     ]
     for kind, found in result['kinds'].items():
@@ -273,36 +271,38 @@ def _tables(part: Mapping[str, Any]) -> list[str]:
     staying = [bag for bag in held if not bag['leaves']]
     lines = [
         '',
-        '| safe recording, held back | flagged time | beyond the others | first rules |',
-        '|---|---|---|---|',
-    ]
-    lines += [
-        f'| {bag["bag"]}{" (leaves the range)" if bag["leaves"] else ""} | {bag["flagged"]:.1%} '
-        f'| {bag["beyond"]:.1%} | {_rules(bag)} |'
-        for bag in held
-    ]
-    lines += [
+        markdown_table(
+            ('safe recording, held back', 'flagged time', 'beyond the others', 'first rules'),
+            [
+                (
+                    bag['bag'] + (' (leaves the range)' if bag['leaves'] else ''),
+                    f'{bag["flagged"]:.1%}',
+                    f'{bag["beyond"]:.1%}',
+                    _rules(bag),
+                )
+                for bag in held
+            ],
+        ),
         '',
         f'Flagged in all: {_overall(held):.1%} of the time; without those that leave the range: '
         f'{_overall(staying):.1%} of {len(staying)} recordings.',
     ]
     if part['contact']:
-        lines += ['', '| with contact | flagged time | first rules |', '|---|---|---|']
-        lines += [
-            f'| {bag["bag"]} | {bag["flagged"]:.1%} | {_rules(bag)} |' for bag in part['contact']
-        ]
+        rows = [(bag['bag'], f'{bag["flagged"]:.1%}', _rules(bag)) for bag in part['contact']]
+        lines += ['', markdown_table(('with contact', 'flagged time', 'first rules'), rows)]
     if part['bump']:
-        lines += [
-            '',
-            '| bumper fired | interval | flagged rows of it | first rule |',
-            '|---|---|---|---|',
-        ]
-        lines += [
-            f'| {bag["bag"]} | {item["from_s"]:g} to {item["to_s"]:g} s | {item["flagged"]:.0%} '
-            f'| {item["first_rule"] or "none"} |'
+        rows = [
+            (
+                bag['bag'],
+                f'{item["from_s"]:g} to {item["to_s"]:g} s',
+                f'{item["flagged"]:.0%}',
+                item['first_rule'] or 'none',
+            )
             for bag in part['bump']
             for item in bag['intervals']
         ]
+        heads = ('bumper fired', 'interval', 'flagged rows of it', 'first rule')
+        lines += ['', markdown_table(heads, rows)]
     return lines
 
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""States of simulated drives as the learner sees them, without nodes and recordings."""
+"""States of simulated episodes as the learner sees them, without nodes and recordings."""
 
 from __future__ import annotations
 

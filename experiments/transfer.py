@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -17,12 +16,13 @@ from occ_constraints_pkg.agents.rule_cost import RuleCost
 from occ_constraints_pkg.agents.seeds import seeds_summary, train_seeds
 from occ_constraints_pkg.agents.settings import PPOLagrangianConfig
 from occ_constraints_pkg.features.feature_map import load_feature_map
-from occ_constraints_pkg.files import RESULTS, make_directory, write_text
+from occ_constraints_pkg.files import make_directory
 from occ_constraints_pkg.learning.learn import learn
 from occ_constraints_pkg.rules.constraints_file import Constraints, load_constraints
 from occ_constraints_pkg.worlds.registry import make_world
 
 from benchmarks.conditions import machine, versions
+from experiments.results import markdown_table, write_results
 from experiments.states import first_episodes
 
 _EVALUATION_SEED = 10_000
@@ -61,7 +61,7 @@ def run_transfer(
     output: Path,
     settings: TransferSettings,
     *,
-    progress: Callable[[dict[int, dict[str, Any]]], None] = lambda latest: None,
+    progress: Callable[[int, int], None] = lambda *_: None,
 ) -> dict[str, Any]:
     """Demonstrate, learn rules, train with them, and compare the policies with the expert.
 
@@ -69,9 +69,10 @@ def run_transfer(
     are resumed.
 
     Args:
-        output: directory for ``constraints.yaml``, the trainings and ``transfer.json``.
+        output: directory for ``constraints.yaml``, the trainings, ``transfer.json`` and
+            ``transfer.md``.
         settings: what to run.
-        progress: called with the newest metrics of each seed.
+        progress: called with the robot steps made and to make.
 
     Returns:
         The document that ``transfer.json`` holds.
@@ -79,7 +80,7 @@ def run_transfer(
     Raises:
         OccError: a setting is wrong, or a training failed.
     """
-    # Refused before an expert drives for it.
+    # Refused before the expert demonstrates.
     PPOLagrangianConfig().check_steps('steps', settings.steps, settings.robots)
     make_directory(output)
     rules = output / 'constraints.yaml'
@@ -91,7 +92,14 @@ def run_transfer(
     arguments = [settings.target, '--cost', str(rules), '--cost-limit', settings.cost_limit]
     arguments += ['--steps', str(settings.steps), '--robots', str(settings.robots), '--resume']
     seeds = range(settings.first_seed, settings.first_seed + settings.seeds)
-    directories = train_seeds(arguments, seeds, output / 'training', progress=progress)
+    directories = train_seeds(
+        arguments,
+        seeds,
+        output / 'training',
+        progress=lambda latest: progress(
+            sum(line['steps'] for line in latest.values()), settings.steps * settings.seeds
+        ),
+    )
     policies = [path / 'policy.npz' for path in directories]
     summary, _ = seeds_summary(directories)
     expert = _judge(settings.source, settings.expert, constraints, settings.episodes)
@@ -111,8 +119,20 @@ def run_transfer(
         'machine': machine(),
         'versions': versions(('numpy', 'torch', 'mujoco')),
     }
-    write_text(output / 'transfer.json', RESULTS, json.dumps(document, indent=1) + '\n')
+    write_results(output, 'transfer', document, _markdown(document))
     return document
+
+
+def _markdown(document: dict[str, Any]) -> str:
+    names = {'return': 'return', 'cost': 'true cost', 'learned_cost': 'learned cost'}
+    rows = [
+        (title, *('-' if line[name] is None else f'{line[name]:.2f}' for name in names))
+        for title, line in (
+            ('expert', document['expert']),
+            ('mean of the trained', document['trained_mean']),
+        )
+    ]
+    return markdown_table(('policy', *names.values()), rows) + '\n'
 
 
 def demonstrated_constraints(

@@ -3,17 +3,16 @@
 """How well the true cost is recovered from demonstrations, with the learner's defaults.
 
 The true cost of the Safety-Gym tasks is known: a state is costly where it is too near a hazard.
-The learner never sees it. Demonstrations are drives of a world's expert, without the costliest of
+The learner never sees it. Demonstrations are episodes of a world's expert, without the costliest of
 them if more than 1 % of the samples are costly: who collects demonstrations leaves out what went
-wrong. At the second level, drives of one who pays no heed to hazards are mixed in, the costliest
-first, until enough of the samples are costly. The rules are judged on other drives of the heedless
-driver and of one with random actions. Heedless is a scripted driver that goes straight to the goal,
-or, where there is none, the expert with its hazard lidar covered up.
+wrong. At the second level, episodes of a driver that ignores hazards are mixed in, the costliest
+first, until enough of the samples are costly. The rules are judged on other episodes of that driver
+and of one with random actions. The driver that ignores hazards is a scripted one that goes straight
+to the goal, or, where there is none, the expert with its hazard lidar covered up.
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -22,7 +21,6 @@ import numpy as np
 from occ_constraints_pkg.agents.drivers import DRIVERS, Driver, find_driver
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.features.feature_map import FeatureMap, load_feature_map
-from occ_constraints_pkg.files import RESULTS, TABLE, make_directory, write_text
 from occ_constraints_pkg.learning.learn import learn
 from occ_constraints_pkg.learning.scoring import score_flags
 from occ_constraints_pkg.learning.settings import OCTreeSettings
@@ -30,7 +28,8 @@ from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.rules.verdict import Verdict
 from occ_constraints_pkg.worlds.registry import WORLDS, make_world
 
-from benchmarks.conditions import earlier_results, machine, versions
+from benchmarks.conditions import machine, versions
+from experiments.results import earlier_results, markdown_table, write_results
 from experiments.states import drive_states
 from experiments.truth_picture import draw_truth
 
@@ -38,7 +37,7 @@ LEVELS = {'expert': None, 'mixed': 0.045}
 """Names of the levels, and the share of costly samples that is mixed to."""
 
 MOST_COSTLY = 0.01
-"""Largest share of costly samples in the drives of an expert."""
+"""Largest share of costly samples in the demonstrations of an expert."""
 
 _FEWEST_SAMPLES = 1000
 _JUDGED_EPISODES = 200
@@ -59,7 +58,7 @@ def run_truth(
     draws: int = 5,
     seed: int = 0,
     names: Sequence[str] = (),
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[int, int], None] = lambda *_: None,
 ) -> dict[str, Any]:
     """Run what ``output/truth.json`` lacks yet; write that file, ``truth.md`` and ``truth.png``.
 
@@ -71,7 +70,7 @@ def run_truth(
         samples: largest number of demonstrated samples; the others are powers of ten from 1000.
         draws: demonstrations drawn per line. The largest share no episode if that takes 500 at
             most; else they are drawn from twice as many episodes as one needs.
-        seed: seed of all chance.
+        seed: of everything random.
         names: the worlds to run; all if empty.
         progress: called with (lines done, lines in all).
 
@@ -91,15 +90,7 @@ def run_truth(
             'more'
         )
     settings = {'format': _FORMAT, 'draws': draws, 'seed': seed, 'mixed': LEVELS['mixed']}
-    file = output / 'truth.json'
-    old = earlier_results(file)
-    if old and old['settings'] != settings:
-        raise OccError(
-            f'{file} holds results of other settings ({old["settings"]}); allowed is the same or '
-            'another directory'
-        )
-    make_directory(output)
-    lines = old.get('lines', {})
+    lines = earlier_results(output / 'truth.json', settings).get('lines', {})
     sizes = [10**power for power in range(3, 9) if 10**power <= samples]
     worlds = names or known
     done = 0
@@ -111,31 +102,31 @@ def run_truth(
             if f'{world}, {level}, {size}' not in lines
         ]
         done += len(LEVELS) * len(sizes) - len(todo)
-        drives = _Drives(world, max(sizes), draws, seed) if todo else None
+        episodes = _Episodes(world, max(sizes), draws, seed) if todo else None
         for level, size in todo:
             # Not hash(): that differs from process to process.
             rng = np.random.default_rng([seed, size, *f'{world} {level}'.encode()])
-            lines[f'{world}, {level}, {size}'] = drives.line(level, size, draws, rng)
+            lines[f'{world}, {level}, {size}'] = episodes.line(level, size, draws, rng)
             done += 1
-            if progress is not None:
-                progress(done, len(worlds) * len(LEVELS) * len(sizes))
+            progress(done, len(worlds) * len(LEVELS) * len(sizes))
         result = {
             'settings': settings,
             'lines': lines,
             'machine': machine(),
             'versions': versions(('numpy', 'scipy', 'mujoco')),
         }
-        _write_all(output, result)
+        write_results(output, 'truth', result, markdown(lines))
+        draw_truth(output / 'truth.png', lines)
     return result
 
 
-class _Drives:
-    """Drives in one world, to learn from and to judge on."""
+class _Episodes:
+    """Episodes in one world, to learn from and to judge on."""
 
     def __init__(self, world: str, samples: int, draws: int, seed: int) -> None:
         self.world = world
         self.map: FeatureMap = load_feature_map(world)
-        self.heedless_name = next(
+        self.ignoring_name = next(
             (name for name in ('straightv', 'straight') if name in DRIVERS[world]), 'blind expert'
         )
         steps = make_world(world, 1).max_episode_steps + 1
@@ -151,11 +142,11 @@ class _Drives:
             return drive_states(world, driver, self.map, count, 10_000 * number + seed)
 
         self.expert = _without_costliest(*drive('expert', episodes, 1))
-        self.heedless = drive(self.heedless_name, max(needed, _JUDGED_EPISODES), 2)
+        self.ignoring = drive(self.ignoring_name, max(needed, _JUDGED_EPISODES), 2)
         self.unseen = drive('expert', _JUDGED_EPISODES, 3)
         self.judged = {
             name: drive(name, _JUDGED_EPISODES, 4 + number)
-            for number, name in enumerate((self.heedless_name, 'random'))
+            for number, name in enumerate((self.ignoring_name, 'random'))
         }
 
     def line(
@@ -179,7 +170,7 @@ class _Drives:
             'world': self.world,
             'level': level,
             'samples': samples,
-            'heedless_driver': self.heedless_name,
+            'heedless_driver': self.ignoring_name,
             **summary,
         }
 
@@ -205,13 +196,13 @@ class _Drives:
     def _demonstrations(
         self, share: float | None, drawn: np.ndarray, rng: np.random.Generator
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return (n, k) states and (n,) whether they are costly, with as many drives as drawn."""
+        """Return (n, k) states and (n,) whether they are costly, with as many episodes as drawn."""
         values, costly = self.expert
         count = len(drawn)
         parts = [(values[drawn], costly[drawn])]
         if share is not None:
-            other, other_costly = self.heedless
-            # Chance decides on which of the drives there are; of these the costliest come first.
+            other, other_costly = self.ignoring
+            # Which episodes there are is random; of these the costliest come first.
             chosen = rng.permutation(len(other))[: max(1, min(len(other), 2 * count))]
             chosen = chosen[np.argsort(-other_costly[chosen].mean(axis=1), kind='stable')]
             for number in range(1, len(chosen) + 1):
@@ -230,14 +221,14 @@ class _Drives:
 
 
 def _without_costliest(values: np.ndarray, costly: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the drives in their order, without the costliest that make it too many in all."""
+    """Return the episodes in their order, without the costliest while too much is costly in all."""
     shares = costly.mean(axis=1)
     ascending = np.argsort(shares, kind='stable')
     means = np.cumsum(shares[ascending]) / np.arange(1, len(shares) + 1)
     kept = np.sort(ascending[means <= MOST_COSTLY])
     if not len(kept):
         raise OccError(
-            f'in the best drive {shares.min():.1%} of the samples are costly; '
+            f'in the best episode {shares.min():.1%} of the samples are costly; '
             f'allowed are {MOST_COSTLY:.0%}'
         )
     return values[kept], costly[kept]
@@ -277,24 +268,18 @@ def markdown(lines: Mapping[str, Mapping[str, Any]]) -> str:
         'random_f1': 'F1 on random',
     }
     rows = [
-        f'| world | level | samples | {" | ".join(heads.values())} |',
-        '|---' * (len(heads) + 3) + '|',
+        [
+            line['world'],
+            line['level'],
+            line['samples'],
+            *(_spread(line.get(name)) for name in heads),
+        ]
+        for line in lines.values()
     ]
-    for line in lines.values():
-        entries = [_spread(line.get(name)) for name in heads]
-        rows.append(
-            f'| {line["world"]} | {line["level"]} | {line["samples"]} | {" | ".join(entries)} |'
-        )
-    return '\n'.join(rows) + '\n'
+    return markdown_table(['world', 'level', 'samples', *heads.values()], rows) + '\n'
 
 
 def _spread(value: Mapping[str, float | None] | None) -> str:
     if value is None or value['mean'] is None:
         return '-'
     return f'{value["mean"]:.3f} ± {value["std"]:.3f}'
-
-
-def _write_all(output: Path, result: Mapping[str, Any]) -> None:
-    write_text(output / 'truth.json', RESULTS, json.dumps(result, indent=1, allow_nan=False) + '\n')
-    write_text(output / 'truth.md', TABLE, markdown(result['lines']))
-    draw_truth(output / 'truth.png', result['lines'])

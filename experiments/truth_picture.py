@@ -23,7 +23,7 @@ def draw_truth(path: Path, lines: Mapping[str, Mapping[str, Any]]) -> None:
 
     Args:
         path: PNG file to write.
-        lines: the ``lines`` of the results of ``occ experiment truth``.
+        lines: the ``lines`` of the results of the experiment ``truth``.
     """
     figure, axis = plt.subplots(figsize=(6.5, 4.0))
     worlds = list(dict.fromkeys(line['world'] for line in lines.values()))

@@ -2,15 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """How many seconds before a violation the early warning comes, and how often it is wrong.
 
-On recordings of real robots with contact, by rules learned from the safe ones as in ``occ
-experiment robots``, and on recordings of simulated drives, by rules learned from those of an
-expert. Each is judged with its own safe recordings as well, on which hardly anything but false
-warnings can come.
+On recordings of real robots with contact, by rules learned from the safe ones as in the experiment
+``robots``, and on recordings of simulated episodes, by rules learned from those of an expert. Each
+is judged with its own safe recordings as well, where few warnings but false ones can come.
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -22,16 +20,16 @@ from occ_constraints_pkg.checking.timeline import make_timeline
 from occ_constraints_pkg.datasets.dataset import Dataset
 from occ_constraints_pkg.datasets.extraction import extract
 from occ_constraints_pkg.features.feature_map import load_feature_map
-from occ_constraints_pkg.files import RESULTS, TABLE, make_directory, write_text
 from occ_constraints_pkg.learning.learn import learn
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.rules.forecast import WINDOW_SECONDS
 from occ_constraints_pkg.rules.ruleset import RuleSet
 
+from experiments.results import data_folder, markdown_table, write_results
 from experiments.robots import (
     KINDS,
-    data_folder,
     learn_safe,
+    other_recordings,
     read_recorded,
     safe_recordings,
     suggested_map,
@@ -52,41 +50,34 @@ def run_warnings(
     folder: Path | None = None,
     bags: Path = Path('bags'),
     names: Sequence[str] = (),
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[int, int], None] = lambda *_: None,
 ) -> dict[str, Any]:
     """Run the experiment and write ``warnings.json`` and ``warnings.md``.
 
     Args:
         output: directory for the files; made if needed.
-        folder: where the recordings of robots are; None for
-            :func:`~experiments.robots.data_folder`.
-        bags: where the recordings of simulated drives are, those of this project.
+        folder: where the recordings of robots are; default: ``robots``, see :func:`.data_folder`.
+        bags: where the recordings of simulated episodes are, those of this repository.
         names: of the sets of recordings, a kind of robot or a world; empty for all.
         progress: called with (sets of recordings done, sets in all).
 
     Raises:
         OccError: a recording is missing or cannot be read.
     """
-    folder = data_folder() if folder is None else folder
-    make_directory(output)
+    folder = folder or data_folder('robots')
     result: dict[str, Any] = {'window': WINDOW_SECONDS, 'sets': {}}
     chosen = tuple(names) or SETS
     for done, name in enumerate(chosen):
-        if progress is not None:
-            progress(done, len(chosen))
+        progress(done, len(chosen))
         if name in KINDS:
             rule_set, safe, violating = _robots(folder, name)
         else:
-            rule_set, safe, violating = _drives(bags, name)
+            rule_set, safe, violating = _simulated(bags, name)
         result['sets'][name] = {
             'violating': [_tried(rule_set, violating, horizon) for horizon in HORIZONS],
             'safe': [_tried(rule_set, safe, horizon) for horizon in HORIZONS],
         }
-    for name, kind, text in (
-        ('warnings.json', RESULTS, json.dumps(result, indent=2) + '\n'),
-        ('warnings.md', TABLE, _markdown(result)),
-    ):
-        write_text(output / name, kind, text)
+    write_results(output, 'warnings', result, _markdown(result))
     return result
 
 
@@ -94,14 +85,13 @@ def _robots(folder: Path, kind: str) -> tuple[RuleSet, list[Dataset], list[Datas
     paths = safe_recordings(folder, kind)
     feature_map, _ = suggested_map(paths[0], kind)
     safe = [read_recorded(path, feature_map) for path in paths]
-    others = [*folder.glob(f'contact_{kind}_*'), *folder.glob(f'bump_{kind}_*')]
-    violating = [read_recorded(path, feature_map).data for path in sorted(others)]
+    violating = [read_recorded(path, feature_map).data for path in other_recordings(folder, kind)]
     places = list(range(len(feature_map.names)))
     rule_set = learn_safe(safe, feature_map, places).rule_set
     return rule_set, [item.data for item in safe], violating
 
 
-def _drives(bags: Path, name: str) -> tuple[RuleSet, list[Dataset], list[Dataset]]:
+def _simulated(bags: Path, name: str) -> tuple[RuleSet, list[Dataset], list[Dataset]]:
     world, safe_bag, other_bag = next(item for item in DRIVES if item[0] == name)
     feature_map = load_feature_map(world)
     safe, other = (extract([bags / bag], feature_map) for bag in (safe_bag, other_bag))
@@ -132,31 +122,28 @@ def _tried(rule_set: RuleSet, items: Sequence[Dataset], horizon: float) -> dict[
 
 
 def _markdown(result: dict[str, Any]) -> str:
-    lines = [
-        '# Early warnings',
-        '',
-        'Written by `occ experiment warnings`. A warning stands while a violation is estimated '
-        f'within the horizon, by slopes over {result["window"]:g} s; it is false when none comes '
-        'within the horizon after it.',
-        '',
-        '| recordings | time | horizon | violations | warned of | median before | least before '
-        '| warnings | false |',
-        '|---|---|---|---|---|---|---|---|---|',
+    heads = ('recordings', 'time', 'horizon', 'violations', 'warned of', 'median before')
+    rows = [
+        _row(f'{name}, {title}', entry)
+        for name, found in result['sets'].items()
+        for title in ('violating', 'safe')
+        for entry in found[title]
     ]
-    for name, found in result['sets'].items():
-        for title in ('violating', 'safe'):
-            lines += [_line(f'{name}, {title}', entry) for entry in found[title]]
-    return '\n'.join(lines) + '\n'
+    return (
+        '# Early warnings\n\n'
+        'Written by `python -m experiments warnings`. A warning is given while a violation is '
+        f'estimated within the horizon, by slopes over {result["window"]:g} s; it is false when '
+        'none comes within the horizon after it.\n\n'
+        f'{markdown_table((*heads, "least before", "warnings", "false"), rows)}\n'
+    )
 
 
-def _line(title: str, entry: dict[str, Any]) -> str:
+def _row(title: str, entry: dict[str, Any]) -> list[object]:
     def seconds(key: str) -> str:
         return '-' if entry[key] is None else f'{entry[key]:.2f} s'
 
     share = entry['false_share']
     false = f'{entry["false"]}' + ('' if share is None else f' ({share:.0%})')
-    return (
-        f'| {title} | {entry["seconds"]:.0f} s | {entry["horizon"]:g} s | {entry["onsets"]} '
-        f'| {entry["warned"]} | {seconds("median_seconds")} | {seconds("least_seconds")} '
-        f'| {entry["warnings"]} | {false} |'
-    )
+    row = [title, f'{entry["seconds"]:.0f} s', f'{entry["horizon"]:g} s', entry['onsets']]
+    row += [entry['warned'], seconds('median_seconds'), seconds('least_seconds')]
+    return [*row, entry['warnings'], false]

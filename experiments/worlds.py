@@ -14,7 +14,7 @@ from occ_constraints_pkg.agents.drivers import find_driver
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.worlds.registry import make_world
 
-from benchmarks.conditions import data_folder, versions
+from benchmarks.conditions import versions
 from experiments.reference_traces import (
     TASKS,
     draw_goals_as_reference,
@@ -25,8 +25,8 @@ from experiments.reference_traces import (
     reference_step,
     single_steps,
 )
+from experiments.results import data_folder, markdown_table, write_results
 
-_FOLDER = 'safety_gym_traces'
 # The recorded actions of the episode with seed s are those of NumPy's generator with seed 1000 + s.
 _FIRST_ACTION_SEED = 1000
 
@@ -62,6 +62,7 @@ REFERENCE = (
 
 
 def run_worlds(
+    output: Path,
     *,
     episodes: int,
     folder: Path | None = None,
@@ -74,9 +75,10 @@ def run_worlds(
     simulation.
 
     Args:
+        output: directory for ``worlds.json`` and ``worlds.md``.
         episodes: of ours, for the means.
-        folder: where the records are; by default ``safety_gym_traces`` in ``OCC_TEST_DATA`` or
-            ``../shared/data``. Without them only the means are compared.
+        folder: where the records are; default: ``safety_gym_traces``, see :func:`.data_folder`.
+            Without them only the means are compared.
         progress: called with what is done and what there is to do.
 
     Returns:
@@ -87,7 +89,7 @@ def run_worlds(
     for done, task in enumerate(TASKS):
         progress(done, todo)
         try:
-            steps += _compared(task, folder or data_folder(_FOLDER))
+            steps += _compared(task, folder or data_folder('safety_gym_traces'))
         except OccError as error:
             skipped[task] = str(error)
     means = []
@@ -95,13 +97,15 @@ def run_worlds(
         progress(done, todo)
         means.append(_means(printed, episodes))
     progress(todo, todo)
-    return {
+    result = {
         'steps': steps,
         'means': means,
         'skipped': skipped,
         'episodes': episodes,
         'versions': versions(('numpy', 'mujoco')),
     }
+    write_results(output, 'worlds', result, markdown(result))
+    return result
 
 
 def _compared(task: str, folder: Path) -> list[dict[str, Any]]:
@@ -115,7 +119,7 @@ def _compared(task: str, folder: Path) -> list[dict[str, Any]]:
             {'world': task, 'form': 'single steps', 'steps': int(compared), 'of': int(compared)}
             | found.over(traces.untouched)
         )
-        # Rounding grows on a Point's path, so only the path itself is worth telling.
+        # Rounding grows on a Point's path, so only the path itself is worth reporting.
         found = free_run(traces)
         most = np.minimum(traces.untouched, found.position.shape[1])
         path = {'position': found.over(most)['position']}
@@ -175,10 +179,7 @@ def _recorded_random(episodes: int) -> Callable[[np.ndarray], np.ndarray]:
 
 def markdown(result: dict[str, Any]) -> str:
     """Return the tables of docs/worlds.md."""
-    lines = [
-        '| world | compared | steps | position, m | sensors | lidars | reward | costs |',
-        '|---|---|---|---|---|---|---|---|',
-    ]
+    compared = []
     for row in result['steps']:
         numbers = [
             f'{row[name]:.1e}' if name in row else '-'
@@ -186,13 +187,8 @@ def markdown(result: dict[str, Any]) -> str:
         ]
         costs = '-' if 'cost' not in row else 'differ' if row['cost'] else 'equal'
         steps = f'{row["steps"]}' if row['steps'] == row['of'] else f'{row["steps"]} of {row["of"]}'
-        lines.append('| ' + ' | '.join([row['world'], row['form'], steps, *numbers, costs]) + ' |')
-    lines += [
-        '',
-        '| world | driver | return | reference | s.e. | cost | reference | s.e. | speed, m/s '
-        '| reference | s.e. |',
-        '|---|---|---|---|---|---|---|---|---|---|---|',
-    ]
+        compared.append([row['world'], row['form'], steps, *numbers, costs])
+    means = []
     for row in result['means']:
         cells = [row['world'], f'`{row["driver"]}`']
         for name, places in (('return', 2), ('cost', 1), ('speed', 3)):
@@ -201,5 +197,8 @@ def markdown(result: dict[str, Any]) -> str:
                 mean += f' ± {row[f"{name}_std"]:.{places}f}'
             cells += [mean, f'{row[f"{name}_reference"]:.{places}f}']
             cells.append(f'{row[f"{name}_standard_errors"]:+.1f}')
-        lines.append('| ' + ' | '.join(cells) + ' |')
-    return '\n'.join(lines) + '\n'
+        means.append(cells)
+    heads = ['world', 'compared', 'steps', 'position, m', 'sensors', 'lidars', 'reward', 'costs']
+    beside = ['reference', 's.e.']
+    driven = ['world', 'driver', 'return', *beside, 'cost', *beside, 'speed, m/s', *beside]
+    return f'{markdown_table(heads, compared)}\n\n{markdown_table(driven, means)}\n'

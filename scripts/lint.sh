@@ -27,6 +27,7 @@ check() {
 
 check 'ruff check' "$bin/ruff" check --quiet
 check 'ruff format' "$bin/ruff" format --check --quiet
+check 'mypy' "$bin/mypy" --no-error-summary
 check 'shellcheck' "$bin/shellcheck" scripts/*.sh docker/*.sh .ci/run
 check 'hadolint' "$bin/hadolint" docker/Dockerfile.*
 check 'yamllint' "$bin/yamllint" --strict docker/compose.yaml src/occ_constraints_pkg/config

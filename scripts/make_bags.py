@@ -9,7 +9,7 @@ import tempfile
 from pathlib import Path
 
 from occ_constraints_pkg.demo.processes import private_domain
-from occ_constraints_pkg.demo.recordings import record_drives
+from occ_constraints_pkg.demo.recordings import record_episodes
 
 # name: world, driver, robots, episodes of each robot
 BAGS = {
@@ -31,7 +31,7 @@ def main() -> None:
             continue
         with tempfile.TemporaryDirectory() as directory:
             recorded = Path(directory) / name
-            record_drives(
+            record_episodes(
                 recorded,
                 Path(directory) / 'logs',
                 private_domain(),

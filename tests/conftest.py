@@ -33,9 +33,9 @@ def pytest_report_header() -> str:
 def run_occ(capsys):
     """Return a function that runs ``occ``: exit code, stdout, stderr."""
 
-    def run(line: str) -> tuple[int, str, str]:
+    def run(line: str, **options: str) -> tuple[int, str, str]:
         capsys.readouterr()
-        code = main(line.split())
+        code = main(line.split(), **options)
         out, err = capsys.readouterr()
         return code, out, err
 

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import math
 import struct
+import time
 
 import numpy as np
 import pytest
@@ -64,6 +65,15 @@ def test_what_is_not_yaml(text, sentence):
         parse_yaml(text, 'FILE')
     assert sentence in str(caught.value)
     assert '\n' not in str(caught.value)
+
+
+@pytest.mark.parametrize('text', ['[' * 400_000, '{' * 400_000, '[{' * 200_000])
+def test_deep_brackets_are_refused_before_they_are_all_looked_at(text):
+    begin = time.process_time()
+    with pytest.raises(OccError, match='nested too deeply'):
+        parse_yaml(text, 'FILE')
+    # Seconds before; some hundredths now.
+    assert time.process_time() - begin < 0.5
 
 
 def test_nesting_that_the_validator_cannot_follow():

@@ -16,6 +16,16 @@ STEPS = re.compile(r'```sh\n(.*?)```\n\n```\n(.*?)```', re.DOTALL)
 SHELL_ONLY = ('occ node', 'occ play')
 
 
+def test_readme(occ, tmp_path):
+    (tmp_path / 'bags').symlink_to(ROOT / 'bags')
+    text = (ROOT / 'README.md').read_text(encoding='utf-8')
+    assert len(text.splitlines()) <= 160
+    steps = STEPS.findall(text)
+    assert len(steps) == 2
+    for commands, shown in steps:
+        _assert_shows(shown, ''.join(occ(line)[1] for line in _lines(commands, tmp_path)))
+
+
 def test_data(occ, tmp_path):
     (tmp_path / 'bags').symlink_to(ROOT / 'bags')
     text = (DOCS / 'data.md').read_text(encoding='utf-8')

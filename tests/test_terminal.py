@@ -101,7 +101,7 @@ def test_a_log_has_one_line_for_a_message():
     pytest.importorskip('rclpy', reason="needs the extra 'ros'")
     code = f"""
 import rclpy
-from occ_constraints_pkg.ros.process import OccNode
+from occ_constraints_pkg.ros.node import OccNode
 rclpy.init()
 node = OccNode('talker')
 for number in range(3):

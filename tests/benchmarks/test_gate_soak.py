@@ -48,6 +48,11 @@ def test_the_oracle_judges_commands(letters, command, breaches):
     assert judged(letters, command) == breaches
 
 
+def test_five_safe_verdicts_within_the_grace_release():
+    assert judged('SSSSSSSSSUSSSSS', 0.305, period=0.02) == []
+    assert judged('SSSSSSSSSUSSSS', 0.305, period=0.02) == ['UNKNOWN']
+
+
 def test_a_gate_that_is_started_knows_nothing_of_before():
     assert judged('SSSSSSSSSSSSSSS', 1.55, begun=1.4) == []
     assert judged('SSSSS     S', 1.15, begun=1.0) == ['not released']

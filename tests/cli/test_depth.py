@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""``occ experiment depth``: the rules of all depths, as table, JSON and picture."""
+"""``occ learn --compare-depths``: the rules of all depths, as table, JSON and picture."""
 
 import json
 import struct
@@ -14,7 +14,7 @@ def test_bags_scored_on_another_bag(occ, tmp_path):
     pytest.importorskip('matplotlib', reason="needs the extra 'report'")
     write_drive(tmp_path / 'careful')
     write_drive(tmp_path / 'careless', driver='straight', robots=5, steps=60)
-    line = 'experiment depth careful -m simple_nav --alpha 0.5 --score careless -o out'
+    line = 'learn careful -m simple_nav --alpha 0.5 --compare-depths --score careless -o out'
     code, out, err = occ(f'{line} --json')
     assert (code, err) == (0, '')
     depths = json.loads(out)
@@ -41,16 +41,21 @@ def test_tables_and_mistakes(occ):
     np.savez('drives.npz', features=rng.random((300, 2)), names=['x', 'y'])
     np.savez('more.npz', features=rng.random((50, 2)), names=['y', 'x'])
     np.savez('judged.npz', features=rng.random((9, 2)), names=['y', 'x'], cost=np.arange(9) % 2)
-    code, out, err = occ('experiment depth drives.npz -o out')
+    code, out, err = occ('learn drives.npz --compare-depths -o out')
     assert (code, err) == (0, '')
     assert 'none' in out
     assert 'F1' not in out
-    code, out, _ = occ('experiment depth drives.npz --score judged.npz -o out')
+    code, out, _ = occ('learn drives.npz --compare-depths --score judged.npz -o out')
     assert (code, 'F1' in out) == (0, True)
     for wrong, told in (
-        ('experiment depth drives.npz --score more.npz', 'no true cost'),
-        ('experiment depth nowhere', 'needs a feature map'),
-        ('experiment depth drives.npz --depth 200', 'max_depth is 200'),
+        ('learn drives.npz --compare-depths --score more.npz', 'no true cost'),
+        ('learn nowhere --compare-depths', 'needs a feature map'),
+        ('learn drives.npz --compare-depths --depth 200', 'max_depth is 200'),
+        ('learn drives.npz --score judged.npz', '--score needs --compare-depths'),
+        (
+            'learn drives.npz --compare-depths --false-alarm 0.1',
+            '--false-alarm has no effect with --compare-depths',
+        ),
     ):
         code, out, err = occ(wrong)
         assert (code, out, err.count('\n')) == (2, '', 1)

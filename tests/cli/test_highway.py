@@ -1,7 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
 import json
-import signal
 
 import pytest
 
@@ -40,50 +39,3 @@ def test_an_option_without_effect_is_refused(occ, tmp_path, line, sentence):
     assert code == 2
     assert sentence in err
     assert not (tmp_path / 'drive.png').exists()
-
-
-@pytest.mark.parametrize(
-    ('options', 'sentence'),
-    [
-        ('--steps 0', '0 is not in the range x>=1'),
-        ('--rules nowhere.yaml', 'cannot read nowhere.yaml'),
-        ('--rules strange.yaml', 'the constraints have no feature_map'),
-        ('--cost-limit -1', 'learner setting cost_limit is -1.0; allowed is 0 or more'),
-    ],
-)
-def test_a_mistake_about_ours_is_told_before_any_training(occ, tmp_path, options, sentence):
-    pytest.importorskip('torch')
-    pytest.importorskip('highway_env')
-    (tmp_path / 'strange.yaml').write_text(
-        'schema_version: 1\n'
-        'features: [{name: x, demonstrated: [0.0, 1.0]}]\n'
-        "rules: [{id: X, literals: [{feature: x, operator: '>', bound: 0.9}]}]\n"
-    )
-    code, _, err = occ(f'experiment highway {options} -o runs')
-    assert code == 2
-    assert sentence in err
-    assert not (tmp_path / 'runs').exists()
-
-
-def test_a_stopped_experiment_is_told_as_other_stopped_commands(occ, monkeypatch, tmp_path):
-    pytest.importorskip('torch')
-    pytest.importorskip('highway_env')
-    from experiments import highway
-
-    run = highway.run_highway
-
-    def run_and_stop(*args, **options):
-        signal.raise_signal(signal.SIGINT)
-        return run(*args, **options)
-
-    monkeypatch.setattr(highway, 'run_highway', run_and_stop)
-    code, out, err = occ('experiment highway --agent RL --set restricted -o runs')
-    assert (code, out, err.strip()) == (130, '', 'stopped')
-    assert not (tmp_path / 'runs' / 'highway.json').exists()
-
-
-def test_a_wrong_cost_limit_is_refused(occ):
-    pytest.importorskip('torch')
-    code, _, err = occ('experiment highway --cost-limit much')
-    assert code == 2
-    assert "got 'much'; allowed is a number or 'demonstrations'" in err

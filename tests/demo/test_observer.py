@@ -5,11 +5,11 @@ import pytest
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.features.table import Table
 
-witness = pytest.importorskip('occ_constraints_pkg.demo.observer', exc_type=ImportError)
+observer = pytest.importorskip('occ_constraints_pkg.demo.observer', exc_type=ImportError)
 
 
 def test_agreement_pairs_costs_with_the_truth_of_the_same_step():
-    heard = witness.Heard()
+    heard = observer.Heard()
     with pytest.raises(OccError, match='no costs were received'):
         heard.agreement()
     heard.true_cost = {1: np.array([0.0, 1.0]), 2: np.array([1.0, 1.0]), 3: np.array([1.0, 0.0])}

@@ -26,11 +26,11 @@ def test_what_cannot_be_measured_is_told(settings, sentence):
 
 
 @pytest.mark.slow
-def test_a_small_run_gives_a_line_for_every_promise(monkeypatch):
-    monkeypatch.setattr(alarms, 'PROMISES', (0.5,))
+def test_a_small_run_gives_a_line_for_every_guarantee(monkeypatch, tmp_path):
+    monkeypatch.setattr(alarms, 'GUARANTEES', (0.5,))
     monkeypatch.setattr(alarms, '_JUDGED_EPISODES', 2)
     settings = alarms.AlarmSettings(demonstrations=10, episodes=30, draws=2)
-    result = alarms.run_alarms(settings)
+    result = alarms.run_alarms(tmp_path, settings)
     assert [(line['episodes'], line['promised']) for line in result['lines']] == [
         ('demonstrated', None),
         ('demonstrated', 0.5),

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from occ_constraints_pkg.cli import main
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.learning.octree import fit_tree
 from occ_constraints_pkg.learning.settings import OCTreeSettings
@@ -79,11 +78,11 @@ def test_absent_files_are_skipped_and_named(tmp_path):
     assert 'pima.csv' in result['skipped']['Pima']
 
 
-def test_bad_requests_are_told(tmp_path, capsys):
+def test_bad_requests_are_told(tmp_path, run_experiment):
     with pytest.raises(OccError, match='Satimage'):
         article.run_article(tmp_path, names=['Moon'])
-    assert main(['experiment', 'article', '-o', str(tmp_path), '--splits', '0']) == 2
-    assert 'splits is 0' in capsys.readouterr().err
+    code, _, err = run_experiment('article --splits 0')
+    assert (code, 'splits is 0' in err) == (2, True)
 
 
 @pytest.mark.parametrize('target', [None, 'b'])

@@ -6,7 +6,6 @@ import json
 
 import numpy as np
 import pytest
-from occ_constraints_pkg.cli import main
 from occ_constraints_pkg.errors import OccError
 
 pytest.importorskip('mujoco', reason='MuJoCo is not installed')
@@ -74,7 +73,7 @@ def test_costly_drives_are_mixed_in_until_there_are_enough(monkeypatch):
         return values, costly
 
     monkeypatch.setattr(truth, 'drive_states', some_costly)
-    drives = truth._Drives('PointGoal1', 20_000, 2, 0)
+    drives = truth._Episodes('PointGoal1', 20_000, 2, 0)
     rng = np.random.default_rng(0)
     values, costly = drives._demonstrations(None, np.arange(19), rng)
     assert len(values) == len(costly) == 19 * STEPS
@@ -92,7 +91,7 @@ def test_the_costliest_drives_are_left_out():
     # 0, 1 and 3 % are 4/3 % in all; without the 3 % they are a half.
     assert kept[:, 0, 0].tolist() == [1.0, 3.0]
     assert kept_costly.sum() == 1
-    with pytest.raises(OccError, match=r'best drive 3\.0% of the samples are costly'):
+    with pytest.raises(OccError, match=r'best episode 3\.0% of the samples are costly'):
         truth._without_costliest(values[[0, 2]], costly[[0, 2]])
 
 
@@ -121,11 +120,11 @@ def test_states_are_those_of_whole_episodes(monkeypatch):
 @pytest.mark.parametrize(
     ('options', 'sentence'),
     [
-        (['--world', 'Moon'], "no world 'Moon' with a known truth"),
-        (['--samples', '10'], 'samples is 10'),
-        (['--draws', '1'], 'draws is 1'),
+        ('--world Moon', "no world 'Moon' with a known truth"),
+        ('--samples 10', 'samples is 10'),
+        ('--draws 1', 'draws is 1'),
     ],
 )
-def test_bad_requests_are_told(tmp_path, capsys, options, sentence):
-    assert main(['experiment', 'truth', '-o', str(tmp_path), *options]) == 2
-    assert sentence in capsys.readouterr().err
+def test_bad_requests_are_told(run_experiment, options, sentence):
+    code, _, err = run_experiment(f'truth {options}')
+    assert (code, sentence in err) == (2, True)

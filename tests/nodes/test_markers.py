@@ -26,9 +26,13 @@ MAP = FeatureMap.from_document(
 
 
 def shown(fired, frame='laser'):
+    from occ_constraints_pkg.nodes.monitor.inputs import located_sectors
     from occ_constraints_pkg.nodes.monitor.markers import sector_markers, verdict_markers
+    from sensor_msgs.msg import LaserScan
+    from std_msgs.msg import Header
 
-    sectors = sector_markers(MAP, fired, lambda topic: frame if topic == 'scan' else '')
+    newest = {} if frame is None else {'scan': LaserScan(header=Header(frame_id=frame))}
+    sectors = sector_markers(located_sectors(MAP, newest), fired)
     clear, text, *outlines = verdict_markers(Verdict.VIOLATED, 'too near', 5, sectors).markers
     assert (clear.action, text.text) == (clear.DELETEALL, 'VIOLATED\ntoo near')
     assert text.header.frame_id == 'base_link'
@@ -52,3 +56,4 @@ def test_sectors_that_fired_are_outlined_to_what_was_measured():
 def test_no_sector_is_outlined_that_did_not_fire_or_whose_frame_is_not_known():
     assert shown({'speed': 2.0}) == []
     assert shown({'gap_left': 0.5}, frame='') == []
+    assert shown({'gap_left': 0.5}, frame=None) == []

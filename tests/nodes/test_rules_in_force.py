@@ -65,7 +65,7 @@ def test_every_change_is_told_and_edits_can_be_taken_back(node):
     assert node.told[-1]['rules'][0]['formula'] == 'x > 2.0'
     rules.edit(RuleEdits())
     assert rules.rule_set.fingerprint == BOTH.rule_set.fingerprint
-    rules.drop()
+    rules.clear()
     assert (rules.rule_set, rules.counts) == (None, None)
 
 
@@ -77,7 +77,7 @@ def test_edits_that_fit_hold_for_the_next_rule_set(node):
         rules.prepare(other, 'file', strict=True)
     rules.use(rules.prepare(other, 'topic constraints', strict=False))
     assert node.enabled == ['NEW']
-    assert any('speak of no rule of topic constraints' in line for line in node.logged)
+    assert any('are of no rule of topic constraints' in line for line in node.logged)
     rules.use(rules.prepare(BOTH, 'topic constraints', strict=False))
     assert node.enabled == []
     assert any('enables no rule' in line for line in node.logged)
@@ -127,13 +127,13 @@ def test_counters_that_cannot_be_kept_are_told_now_and_then_and_stop_nothing(nod
     rules.use(rules.prepare(BOTH, 'file', strict=True))
     node.logged.clear()
     for node.seconds in range(150):
-        rules.keep()
+        rules.save_counts()
     assert len(node.logged) == 3
     assert all('counters are not kept: cannot write' in line for line in node.logged)
-    rules.drop()
+    rules.clear()
     rules.use(rules.prepare(BOTH, 'file', strict=True))
     (tmp_path / 'full').unlink()
     node.logged.clear()
     for node.seconds in range(150, 300):
-        rules.keep()
+        rules.save_counts()
     assert node.logged == [f'counters are kept again in {rules.counts_file}']

@@ -54,7 +54,7 @@ def judge(log, *rows, state=None, note=''):
     rows = np.array(rows)
     judgement = RULES.judge(rows)
     state = Verdict(judgement.verdict[0]) if state is None else state
-    log.judged(RULES, SimpleNamespace(values=rows, note=note), judgement, state)
+    log.log_judgement(RULES, SimpleNamespace(values=rows, note=note), judgement, state)
 
 
 def test_each_change_is_told_with_what_it_is_about():
@@ -79,8 +79,8 @@ def test_a_reason_with_other_numbers_or_a_steady_state_is_no_change():
     node = Node()
     log = StateLog(node)
     for ahead in (3.25, 4.5, 1e9, -2):
-        log.unknown(f'the stamp on d_l2 is {ahead} s ahead')
-    log.unknown('the stamp on d_l3 is 4 s ahead')
+        log.log_unknown(f'the stamp on d_l2 is {ahead} s ahead')
+    log.log_unknown('the stamp on d_l3 is 4 s ahead')
     assert len(node.lines) == 2
     judge(log, FAST)
     judge(log, SAFE, state=Verdict.VIOLATED)

@@ -33,6 +33,12 @@ def test_maintainer_has_an_email_that_catkin_pkg_accepts(manifest):
     )
 
 
+def test_asks_for_an_rclpy_with_the_events_executor_as_setup_py_does(manifest, package):
+    (rclpy,) = [item for item in manifest.findall('exec_depend') if item.text == 'rclpy']
+    assert rclpy.get('version_gte') == '7.1.4'
+    assert "'ros-jazzy-rclpy[fastrtps]>=7.1.4'" in (package / 'setup.py').read_text()
+
+
 def test_no_dependency_is_named_twice(manifest):
     names = [element.text for element in manifest.findall('exec_depend')]
     assert len(names) == len(set(names))

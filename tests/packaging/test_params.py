@@ -73,7 +73,8 @@ def test_gives_every_parameter_that_the_nodes_declare_and_its_default(parameters
 import inspect, json, sys
 from importlib import import_module
 import rclpy
-from occ_constraints_pkg.ros.process import OccNode
+from occ_constraints_pkg.nodes import node_main
+from occ_constraints_pkg.ros.node import OccNode
 declared = {}
 def parameter(self, name, default, *_, **__):
     declared[self.get_name()][name] = default
@@ -82,7 +83,7 @@ OccNode.parameter = parameter
 rclpy.init()
 for name in sys.argv[1:]:
     declared[name] = {}
-    for kind in vars(import_module(f'occ_constraints_pkg.nodes.{name}')).values():
+    for kind in vars(import_module(node_main(name).__module__)).values():
         if inspect.isclass(kind) and issubclass(kind, OccNode) and kind is not OccNode:
             try:
                 kind()

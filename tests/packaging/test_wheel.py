@@ -80,6 +80,7 @@ def test_every_module_and_every_kind_of_data_is_in_the_wheel(wheel, package):
     assert sources <= names
     for suffix in ('yaml', 'json', 'xml', 'npz', 'j2'):
         assert f'occ_constraints_pkg/worlds/probe.{suffix}' in names
+    assert 'occ_constraints_pkg/py.typed' in names
 
 
 def test_scripts_are_executable_in_the_repository(package, nodes):

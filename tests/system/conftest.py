@@ -78,12 +78,12 @@ def nodes(make_nodes):
 
 
 @pytest.fixture
-def witness(nodes):
+def observer(nodes):
     """Return a listener in this process."""
-    from occ_constraints_pkg.demo.observer import Witness
+    from occ_constraints_pkg.demo.observer import Observer
 
-    with Witness(nodes.domain) as witness:
-        yield witness
+    with Observer(nodes.domain) as observer:
+        yield observer
 
 
 def _constraints(world: str, rules: list[list[tuple[str, str, float]]]) -> Constraints:
@@ -125,20 +125,20 @@ def let_go():
     A simulation that waits for this subscription can be started early, along with the others.
     """
 
-    def subscribe(witness, topic='observation'):
+    def subscribe(observer, topic='observation'):
         from sensor_msgs.msg import PointCloud2
 
-        witness.node.create_subscription(PointCloud2, topic, lambda message: None, 10)
+        observer.node.create_subscription(PointCloud2, topic, lambda message: None, 10)
 
     return subscribe
 
 
 @pytest.fixture
-def trigger(witness):
+def trigger(observer):
     """Return a function that calls a service without arguments and returns its answer."""
     from std_srvs.srv import Trigger
 
-    return lambda service: witness.call(Trigger, service)
+    return lambda service: observer.call(Trigger, service)
 
 
 @pytest.fixture(scope='session')

@@ -17,6 +17,9 @@ MAP = {
     'features': [{'name': 'v', 'topic': 'odom', 'field': 'twist.twist.linear.x'}],
 }
 
+# In the line of the log that tells which rules are used now.
+USED = 'from topic constraints, rule set'
+
 
 def constraints(feature_map=MAP, *, rules=None):
     document = {**MAP, **feature_map}
@@ -70,15 +73,15 @@ REFUSED = {
 class Robot:
     """Publishes odometry and constraints, and hears the verdicts."""
 
-    def __init__(self, witness):
+    def __init__(self, observer):
         from diagnostic_msgs.msg import DiagnosticArray
         from nav_msgs.msg import Odometry
         from occ_constraints_pkg.ros.qos import LATCHED, STEPS
         from sensor_msgs.msg import PointCloud2
         from std_msgs.msg import String
 
-        self.witness, self.heard, self.text, self.new = witness, [], String, Odometry
-        node = witness.node
+        self.observer, self.heard, self.text, self.new = observer, [], String, Odometry
+        node = observer.node
         node.create_subscription(PointCloud2, 'costs', lambda message: None, STEPS)
         node.create_subscription(DiagnosticArray, 'violation', self.on_verdict, STEPS)
         self.odom = node.create_publisher(Odometry, 'odom', STEPS)
@@ -101,7 +104,7 @@ class Robot:
         for speed in (0.5, 1.5):
             count = len(self.heard)
             self.send(speed)
-            self.witness.spin_until(lambda least=count: len(self.heard) > least, 10.0)
+            self.observer.spin_until(lambda least=count: len(self.heard) > least, 10.0)
             said.append(self.heard[-1][1].partition(':')[0])
         return said == ['SAFE', 'VIOLATED']
 
@@ -110,14 +113,14 @@ class Robot:
         monitor = nodes.start(
             'monitor', constraints_file=nodes.folder / 'rules.yaml', timeout=60.0, max_lag=10.0
         )
-        self.witness.wait_for_monitor(2)
-        self.witness.spin_until(lambda: self.odom.get_subscription_count() == 1, 20.0)
+        self.observer.wait_for_monitor(2)
+        self.observer.spin_until(lambda: self.odom.get_subscription_count() == 1, 20.0)
         return monitor
 
 
 @pytest.fixture
-def robot(witness):
-    return Robot(witness)
+def robot(observer):
+    return Robot(observer)
 
 
 def test_what_cannot_be_used_is_refused_with_the_reason_and_the_rules_stay(nodes, robot):
@@ -132,7 +135,7 @@ def test_what_cannot_be_used_is_refused_with_the_reason_and_the_rules_stay(nodes
     for name, (sent, words) in cases.items():
         refused = monitor.log.read_text().count('rule set refused')
         robot.constraints.publish(robot.text(data=sent))
-        robot.witness.spin_until(
+        robot.observer.spin_until(
             lambda least=refused: monitor.log.read_text().count('rule set refused') > least, 60.0
         )
         told = monitor.log.read_text().splitlines()[-1]
@@ -144,7 +147,7 @@ def test_what_cannot_be_used_is_refused_with_the_reason_and_the_rules_stay(nodes
     for _ in range(2):
         nodes.stop(monitor)
         monitor = robot.start(nodes)
-        robot.witness.spin_until(
+        robot.observer.spin_until(
             lambda log=monitor.log: 'rule set refused' in log.read_text(), 30.0
         )
         assert robot.is_judged()
@@ -164,15 +167,15 @@ def test_odd_rules_that_may_be_used_end_nothing(nodes, robot):
         constraints(rules=(Rule('é' * 10_000, (Literal(0, '<', -5e-324),)),)),
     ]
     for rules in odd:
-        used = monitor.log.read_text().count('enabled rules from topic')
+        used = monitor.log.read_text().count(USED)
         robot.constraints.publish(robot.text(data=rules.dumps()))
-        robot.witness.spin_until(
-            lambda least=used: monitor.log.read_text().count('enabled rules from topic') > least,
+        robot.observer.spin_until(
+            lambda least=used: monitor.log.read_text().count(USED) > least,
             60.0,
         )
         for speed in (0.0, np.nan, 1e308):
             robot.send(speed)
-        robot.witness.spin(0.3)
+        robot.observer.spin(0.3)
         assert monitor.is_running, monitor.log.read_text()
     robot.constraints.publish(robot.text(data=constraints().dumps()))
 
@@ -180,7 +183,7 @@ def test_odd_rules_that_may_be_used_end_nothing(nodes, robot):
         # The new subscription to the odometry has to be found first.
         return robot.odom.get_subscription_count() == 1 and robot.is_judged()
 
-    robot.witness.spin_until(is_judged, 20.0)
+    robot.observer.spin_until(is_judged, 20.0)
 
 
 def test_thousands_of_rules_are_read_while_judging_goes_on_and_the_newest_counts(nodes, robot):
@@ -198,9 +201,9 @@ def test_thousands_of_rules_are_read_while_judging_goes_on_and_the_newest_counts
         robot.send()
         sent += 1
         at = time.monotonic()
-        robot.witness.spin_until(lambda least=count: len(robot.heard) > least, 20.0)
+        robot.observer.spin_until(lambda least=count: len(robot.heard) > least, 20.0)
         gaps.append(robot.heard[-1][0] - at)
-        robot.witness.spin(0.02)
+        robot.observer.spin(0.02)
     # Before, one waited for all of it: seconds.
     assert sent > 20
     assert np.median(gaps) < 0.1

@@ -26,7 +26,7 @@ while True:
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-def test_a_node_ends_in_a_flood_of_messages(nodes, witness, number):
+def test_a_node_ends_in_a_flood_of_messages(nodes, observer, number):
     bag = nodes.folder / 'bag'
     recorder = nodes.start('recorder', output=bag, topics=['flood'], compression='none')
     command, environ = [sys.executable, '-c', FLOOD], environment(nodes.domain)
@@ -37,7 +37,7 @@ def test_a_node_ends_in_a_flood_of_messages(nodes, witness, number):
             return sum(file.stat().st_size for file in bag.glob('*.mcap'))
 
         # Many messages, so that more have piled up.
-        witness.spin_until(lambda: written() > 1_000_000, 60.0)
+        observer.spin_until(lambda: written() > 1_000_000, 60.0)
         nodes.stop(recorder, number=number)
     finally:
         for flood in floods:

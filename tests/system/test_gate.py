@@ -3,10 +3,13 @@
 """The gate stops a robot whenever the monitor does not say that it is safe."""
 
 import signal
+import subprocess
+import sys
 import time
 
 import numpy as np
 import pytest
+from occ_constraints_pkg.demo.processes import environment
 from occ_constraints_pkg.features.table import Table
 
 COLUMNS = ('x', 'y', 'reward', 'terminated', 'truncated', 'episode', 'true_cost')
@@ -16,14 +19,14 @@ SAFE, UNSAFE, BROKEN = (0.8, 0.2), (0.2, 0.8), (np.nan, 0.2)
 class Robot:
     """Sends observations and commands, and hears what the gate makes of the commands."""
 
-    def __init__(self, witness, kind):
+    def __init__(self, observer, kind):
         from occ_constraints_pkg.ros.qos import COMMANDS, STEPS
         from sensor_msgs.msg import PointCloud2
 
-        self.witness, self.kind, self.heard = witness, kind, []
-        self.observation = witness.node.create_publisher(PointCloud2, 'observation', STEPS)
-        self.command = witness.node.create_publisher(kind, 'cmd_vel_in', COMMANDS)
-        witness.node.create_subscription(kind, 'cmd_vel', self._on_output, 10)
+        self.observer, self.kind, self.heard = observer, kind, []
+        self.observation = observer.node.create_publisher(PointCloud2, 'observation', STEPS)
+        self.command = observer.node.create_publisher(kind, 'cmd_vel_in', COMMANDS)
+        observer.node.create_subscription(kind, 'cmd_vel', self._on_output, 10)
         self.stamp, self.state = 10**18, SAFE
 
     def _on_output(self, message):
@@ -32,7 +35,7 @@ class Robot:
 
     def drive(self, speed=1.0, turn=0.5):
         """Send one observation and one command."""
-        from occ_constraints_pkg.ros.messages import table_message
+        from occ_constraints_pkg.ros.tables import table_message
 
         values = np.zeros((1, len(COLUMNS)), dtype=np.float32)
         values[0, :2] = self.state
@@ -49,10 +52,10 @@ class Robot:
         def there():
             self.heard.clear()
             self.drive(**command)
-            self.witness.spin(0.1)
+            self.observer.spin(0.1)
             return self.heard and self.heard[-1] == wanted
 
-        self.witness.spin_until(there, 20.0)
+        self.observer.spin_until(there, 20.0)
 
     def stays_stopped(self, seconds):
         """Drive for a while, in which nothing but zero may come."""
@@ -60,7 +63,7 @@ class Robot:
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             self.drive()
-            self.witness.spin(0.05)
+            self.observer.spin(0.05)
         return set(self.heard) == {(0.0, 0.0)}
 
 
@@ -71,12 +74,12 @@ def kind_of(stamped):
 
 
 @pytest.mark.parametrize('stamped', [False, True])
-def test_commands_pass_only_while_the_monitor_says_safe(nodes, witness, rules_of, stamped):
+def test_commands_pass_only_while_the_monitor_says_safe(nodes, observer, rules_of, stamped):
     rules = nodes.folder / 'rules.yaml'
     rules_of['simple_nav'].save(rules)
     gate = nodes.start('gate', stamped=stamped, slow_margin=0.0, timeout=1.0)
-    robot = Robot(witness, kind_of(stamped))
-    witness.spin_until(lambda: robot.command.get_subscription_count() == 1, 20.0)
+    robot = Robot(observer, kind_of(stamped))
+    observer.spin_until(lambda: robot.command.get_subscription_count() == 1, 20.0)
     # Without a monitor nothing passes.
     assert robot.stays_stopped(1.0)
     monitor = nodes.start('monitor', constraints_file=rules, timeout=0.5)
@@ -103,40 +106,40 @@ def test_commands_pass_only_while_the_monitor_says_safe(nodes, witness, rules_of
         assert f'STOP: {said}' in text
 
 
-def test_speed_falls_near_the_boundary_and_zero_comes_without_commands(nodes, witness, rules_of):
+def test_speed_falls_near_the_boundary_and_zero_comes_without_commands(nodes, observer, rules_of):
     rules = nodes.folder / 'rules.yaml'
     rules_of['simple_nav'].save(rules)
     nodes.start('monitor', constraints_file=rules)
     nodes.start('gate', slow_margin=2.0, min_speed_scale=0.5, timeout=5.0, command_timeout=0.3)
-    robot = Robot(witness, kind_of(False))
+    robot = Robot(observer, kind_of(False))
     # The rule on y begins at 0.95; its demonstrated range is 0.5 wide.
     robot.state = (0.8, 0.45)
 
     def slowed():
         robot.heard.clear()
         robot.drive()
-        witness.spin(0.1)
+        observer.spin(0.1)
         return robot.heard and 0.0 < robot.heard[-1][0] < 1.0
 
-    witness.spin_until(slowed, 20.0)
+    observer.spin_until(slowed, 20.0)
     linear, angular = robot.heard[-1]
     # Margin (0.8 - 0.7) / 0.5 = 0.2 to the corner, a tenth of slow_margin.
     assert linear == pytest.approx(0.55, abs=1e-6)
     assert angular == pytest.approx(0.5 * linear)
     robot.heard.clear()
-    witness.spin_until(lambda: len(robot.heard) >= 5, 10.0)
-    witness.spin(0.5)
+    observer.spin_until(lambda: len(robot.heard) >= 5, 10.0)
+    observer.spin(0.5)
     assert set(robot.heard[-5:]) == {(0.0, 0.0)}
 
 
 class Verdicts:
     """Stands in for a monitor, sends commands at 50 Hz, and hears what the gate does with them."""
 
-    def __init__(self, witness, topic='violation'):
+    def __init__(self, observer, topic='violation'):
         from diagnostic_msgs.msg import DiagnosticArray
         from occ_constraints_pkg.ros.qos import COMMANDS, VERDICTS
 
-        self.node, self.witness, self.heard, self.states = witness.node, witness, [], []
+        self.node, self.observer, self.heard, self.states = observer.node, observer, [], []
         self.publisher = self.node.create_publisher(DiagnosticArray, topic, VERDICTS)
         self.command = self.node.create_publisher(kind_of(False), 'cmd_vel_in', COMMANDS)
         self.node.create_subscription(
@@ -152,7 +155,7 @@ class Verdicts:
     def message(self, letter='S', stamp_ns=None, judged_ns=None):
         """Return a verdict: S, V or U; stamped now unless told otherwise."""
         from diagnostic_msgs.msg import DiagnosticArray
-        from occ_constraints_pkg.ros.diagnostics import status
+        from occ_constraints_pkg.nodes.monitor.diagnostics import status
         from occ_constraints_pkg.ros.messages import to_time
 
         level, text = {
@@ -177,7 +180,7 @@ class Verdicts:
         command = kind_of(False)()
         command.linear.x = 1.0
         self.command.publish(command)
-        self.witness.spin(0.02)
+        self.observer.spin(0.02)
 
     def is_open_within(self, seconds, *others):
         """Say SAFE until the robot drives at full speed."""
@@ -202,10 +205,10 @@ class Verdicts:
 
     def stop(self):
         """Fall silent until the gate has stopped."""
-        self.witness.spin_until(
+        self.observer.spin_until(
             lambda: self.step() or (len(self.heard) > 3 and not any(self.heard[-3:])), 10.0
         )
-        self.witness.spin(0.6)
+        self.observer.spin(0.6)
 
 
 HOUR = 3600 * 10**9
@@ -231,9 +234,9 @@ NO_PROOF = {
 }
 
 
-def test_verdicts_that_prove_nothing_about_now_never_open_it(nodes, witness):
+def test_verdicts_that_prove_nothing_about_now_never_open_it(nodes, observer):
     gate = nodes.start('gate')
-    verdicts = Verdicts(witness)
+    verdicts = Verdicts(observer)
     assert verdicts.is_open_within(20.0)
     for name, make in NO_PROOF.items():
         verdicts.stop()
@@ -248,26 +251,63 @@ def test_verdicts_that_prove_nothing_about_now_never_open_it(nodes, witness):
     assert 'made more than 0.5 s ago' in gate.log.read_text()
 
 
-def test_a_paused_gate_does_not_drive_on_what_it_heard_before(nodes, witness):
+# Commands as fast as one can send them, about 4 kHz.
+FLOOD = """
+import rclpy
+from geometry_msgs.msg import Twist
+from occ_constraints_pkg.ros.qos import COMMANDS
+
+rclpy.init()
+publisher = rclpy.create_node('flood').create_publisher(Twist, 'cmd_vel_in', COMMANDS)
+message = Twist()
+message.linear.x = 1.0
+while True:
+    publisher.publish(message)
+"""
+
+
+def test_a_flood_of_commands_keeps_no_verdict_away(nodes, observer):
+    nodes.start('gate')
+    verdicts = Verdicts(observer)
+    assert verdicts.is_open_within(20.0)
+    flood = subprocess.Popen([sys.executable, '-c', FLOOD], env=environment(nodes.domain))
+    try:
+        observer.spin_until(
+            lambda: verdicts.step(verdicts.message()) or len(verdicts.heard) > 2000, 60.0
+        )
+        for letter, speed in (('V', 0.0), ('S', 1.0), ('U', 0.0)):
+            verdicts.heard.clear()
+            observer.spin_until(
+                lambda letter=letter, speed=speed: (
+                    verdicts.step(verdicts.message(letter)) or verdicts.heard[-1:] == [speed]
+                ),
+                20.0,
+            )
+    finally:
+        flood.kill()
+        flood.wait()
+
+
+def test_a_paused_gate_does_not_drive_on_what_it_heard_before(nodes, observer):
     gate = nodes.start('gate')
-    verdicts = Verdicts(witness)
+    verdicts = Verdicts(observer)
     for _ in range(6):
         assert verdicts.is_open_within(20.0)
         gate.send_signal(signal.SIGSTOP)
         for _ in range(30):
             # Queued verdicts and commands.
             verdicts.step(verdicts.message())
-        witness.spin(1.0)
+        observer.spin(1.0)
         verdicts.heard.clear()
         gate.send_signal(signal.SIGCONT)
         assert verdicts.never_drives(0.7, lambda step: [])
-    assert 'the gate itself stood still' in gate.log.read_text()
+    assert 'the gate itself was paused' in gate.log.read_text()
 
 
-def test_two_publishers_stop_it_whatever_they_say(nodes, witness):
+def test_two_publishers_stop_it_whatever_they_say(nodes, observer):
     gate = nodes.start('gate')
-    careful, careless = Verdicts(witness), Verdicts(witness)
-    witness.spin_until(lambda: careless.command.get_subscription_count() == 1, 20.0)
+    careful, careless = Verdicts(observer), Verdicts(observer)
+    observer.spin_until(lambda: careless.command.get_subscription_count() == 1, 20.0)
 
     def both(step):
         if step % 5 == 0:
@@ -275,29 +315,29 @@ def test_two_publishers_stop_it_whatever_they_say(nodes, witness):
         return [careless.message()]
 
     assert careless.never_drives(2.0, both)
-    witness.node.destroy_publisher(careful.publisher)
+    observer.node.destroy_publisher(careful.publisher)
     assert careless.is_open_within(10.0)
     # And when a second one comes while it is open.
-    third = Verdicts(witness)
-    witness.spin(0.3)
+    third = Verdicts(observer)
+    observer.spin(0.3)
     assert careless.never_drives(1.0, lambda step: [careless.message()])
     assert third.publisher
     assert '2 publishers on /violation' in gate.log.read_text()
 
 
 @pytest.mark.parametrize('pattern', ['VSS', 'VSSSSSSSSS'])
-def test_a_violation_that_comes_again_and_again_stops_it(nodes, witness, pattern):
+def test_a_violation_that_comes_again_and_again_stops_it(nodes, observer, pattern):
     nodes.start('gate')
-    verdicts = Verdicts(witness)
+    verdicts = Verdicts(observer)
     assert verdicts.is_open_within(20.0)
     for letter in pattern * 3:
         verdicts.step(verdicts.message(letter))
     assert verdicts.never_drives(2.0, lambda step: [verdicts.message(pattern[step % len(pattern)])])
 
 
-def test_of_several_monitors_the_worst_acts_and_each_must_be_alive(nodes, witness):
+def test_of_several_monitors_the_worst_acts_and_each_must_be_alive(nodes, observer):
     gate = nodes.start('gate', violation_topics=['a/violation', 'b/violation'])
-    one, other = Verdicts(witness, 'a/violation'), Verdicts(witness, 'b/violation')
+    one, other = Verdicts(observer, 'a/violation'), Verdicts(observer, 'b/violation')
     assert one.is_open_within(20.0, other)
     # One violated at a tenth of the other's rate.
     for step in range(20):
@@ -314,15 +354,15 @@ def test_of_several_monitors_the_worst_acts_and_each_must_be_alive(nodes, witnes
     one.stop()
     assert other.never_drives(1.0, lambda step: [other.message()])
     assert one.is_open_within(5.0, other)
-    witness.node.destroy_publisher(other.publisher)
-    witness.spin(0.3)
+    observer.node.destroy_publisher(other.publisher)
+    observer.spin(0.3)
     assert one.never_drives(3.0, lambda step: [one.message()])
     assert 'nobody publishes /b/violation' in gate.log.read_text()
 
 
-def test_state_says_what_it_does_why_and_since_when(nodes, witness):
+def test_state_says_what_it_does_why_and_since_when(nodes, observer):
     gate = nodes.start('gate', trigger_window=3)
-    verdicts = Verdicts(witness)
+    verdicts = Verdicts(observer)
     assert verdicts.is_open_within(20.0)
     opened = time.time_ns()
     verdicts.listen_to_state()
@@ -335,15 +375,15 @@ def test_state_says_what_it_does_why_and_since_when(nodes, witness):
         )
 
     # Latched: it comes though nothing changes.
-    witness.spin_until(lambda: len(verdicts.states) > 0, 5.0)
+    observer.spin_until(lambda: len(verdicts.states) > 0, 5.0)
     summary, source = newest()
     assert (summary['state'], float(summary['scale'])) == ('PASS', 1.0)
     assert abs(int(summary['since']) - opened) < 10**9
     verdicts.step(verdicts.message('V'))
-    witness.spin_until(lambda: newest()[0]['state'] == 'SLOW', 5.0)
+    observer.spin_until(lambda: newest()[0]['state'] == 'SLOW', 5.0)
     assert newest()[0]['reason'] == 'VIOLATED (1 of 2): too fast'
     verdicts.step(verdicts.message('V'))
-    witness.spin_until(lambda: newest()[0]['reason'] == 'VIOLATED: too fast', 5.0)
+    observer.spin_until(lambda: newest()[0]['reason'] == 'VIOLATED: too fast', 5.0)
     summary, source = newest()
     assert summary['state'] == 'STOP'
     assert (source['verdict'], source['rules'], source['publishers']) == ('VIOLATED', 'R7', '1')
@@ -355,31 +395,31 @@ def test_state_says_what_it_does_why_and_since_when(nodes, witness):
     assert len(gate.log.read_text().splitlines()) < 12
 
 
-def test_without_an_enabled_rule_nothing_is_safe(nodes, witness, rules_of):
+def test_without_an_enabled_rule_nothing_is_safe(nodes, observer, rules_of):
     rules = nodes.folder / 'rules.yaml'
     rules_of['simple_nav'].save(rules)
     gate = nodes.start('gate', timeout=1.0)
     nodes.start('monitor', constraints_file=rules, disabled_rules=['R0', 'R1'])
-    robot = Robot(witness, kind_of(False))
+    robot = Robot(observer, kind_of(False))
     log = 'STOP: UNKNOWN: no rule is enabled'
-    witness.spin_until(lambda: robot.drive() or log in gate.log.read_text(), 20.0)
+    observer.spin_until(lambda: robot.drive() or log in gate.log.read_text(), 20.0)
     assert robot.stays_stopped(1.0)
 
 
-def test_a_recorded_monitor_that_is_played_back_opens_nothing(nodes, witness, rules_of):
+def test_a_recorded_monitor_that_is_played_back_opens_nothing(nodes, observer, rules_of):
     from diagnostic_msgs.msg import DiagnosticArray
 
     rules = nodes.folder / 'rules.yaml'
     rules_of['simple_nav'].save(rules)
     nodes.start('gate', timeout=1.0)
     monitor = nodes.start('monitor', constraints_file=rules)
-    robot, recorded = Robot(witness, kind_of(False)), []
-    witness.node.create_subscription(DiagnosticArray, 'violation', recorded.append, 100)
+    robot, recorded = Robot(observer, kind_of(False)), []
+    observer.node.create_subscription(DiagnosticArray, 'violation', recorded.append, 100)
     robot.until((1.0, 0.5))
     nodes.stop(monitor)
-    witness.spin(1.5)
+    observer.spin(1.5)
     safe = [message for message in recorded if message.status[0].message == 'SAFE']
     assert len(safe) >= 5
-    player = Verdicts(witness)
+    player = Verdicts(observer)
     assert player.never_drives(2.0, lambda step: [safe[step % len(safe)]])
     assert player.is_open_within(5.0)

@@ -28,7 +28,7 @@ ODD = [
 ]
 
 
-def test_odd_types_are_skipped_and_the_rest_plays(nodes, witness):
+def test_odd_types_are_skipped_and_the_rest_plays(nodes, observer):
     from std_msgs.msg import String
 
     folder = nodes.folder
@@ -42,7 +42,7 @@ def test_odd_types_are_skipped_and_the_rest_plays(nodes, witness):
             (place / '__init__.py').write_text(f'print("executed {name}")\n')
         (folder / name / f'{name}_s__rosidl_typesupport_c.so').write_text('')
     heard = []
-    witness.node.create_subscription(String, '/good', lambda m: heard.append(m.data), 10)
+    observer.node.create_subscription(String, '/good', lambda m: heard.append(m.data), 10)
     player = subprocess.Popen(
         [sys.executable, '-m', 'occ_constraints_pkg', 'play', 'bag', '--wait-for-subscribers', '1'],
         cwd=folder,
@@ -55,7 +55,7 @@ def test_odd_types_are_skipped_and_the_rest_plays(nodes, witness):
         text=True,
     )
     try:
-        witness.spin_until(lambda: player.poll() is not None, 40.0)
+        observer.spin_until(lambda: player.poll() is not None, 40.0)
         said = player.stdout.read()
     finally:
         player.kill()

@@ -16,15 +16,15 @@ ROBOTS = 3
 class Flood:
     """Sends observations as fast as they are judged, and keeps every answer."""
 
-    def __init__(self, witness):
+    def __init__(self, observer):
         from diagnostic_msgs.msg import DiagnosticArray
         from occ_constraints_pkg.ros.qos import LATCHED, STEPS
         from rcl_interfaces.srv import SetParametersAtomically
         from sensor_msgs.msg import PointCloud2
         from std_msgs.msg import String
 
-        self.witness, self.costs, self.verdicts, self.rules = witness, [], [], []
-        node = witness.node
+        self.observer, self.costs, self.verdicts, self.rules = observer, [], [], []
+        node = observer.node
         self.observation = node.create_publisher(PointCloud2, 'observation', STEPS)
         self.constraints = node.create_publisher(String, 'constraints', LATCHED)
         for kind, topic, heard, qos in (
@@ -50,25 +50,25 @@ class Flood:
         return self.client.call_async(self.client.srv_type.Request(parameters=parameters))
 
     def send(self, stamp, rng):
-        from occ_constraints_pkg.ros.messages import table_message
+        from occ_constraints_pkg.ros.tables import table_message
 
         values = rng.random((ROBOTS, 2)).astype(np.float32)
         self.values[stamp] = values.astype(np.float64)
         self.observation.publish(table_message(Table(('x', 'y'), values), stamp))
 
 
-def test_every_verdict_is_that_of_the_rule_set_it_names(nodes, witness, rules_of):
+def test_every_verdict_is_that_of_the_rule_set_it_names(nodes, observer, rules_of):
     from occ_constraints_pkg.ros.messages import to_nanoseconds
     from std_msgs.msg import String
 
     good = rules_of['simple_nav']
     file = nodes.folder / 'rules.yaml'
     good.save(file)
-    flood = Flood(witness)
+    flood = Flood(observer)
     nodes.start('monitor', constraints_file=file, timeout=100.0)
-    witness.wait_for_monitor(2)
-    witness.spin_until(lambda: flood.rules and flood.client.service_is_ready(), 10.0)
-    witness.spin_until(lambda: flood.observation.get_subscription_count() == 2, 10.0)
+    observer.wait_for_monitor(2)
+    observer.spin_until(lambda: flood.rules and flood.client.service_is_ready(), 10.0)
+    observer.spin_until(lambda: flood.observation.get_subscription_count() == 2, 10.0)
 
     # Without the second rule, with its bound moved, and with a rule set of its own.
     moved = good.with_rule_set(RuleEdits.parse([], [], ['R0: y > 0.5']).apply(good.rule_set))
@@ -93,9 +93,9 @@ def test_every_verdict_is_that_of_the_rule_set_it_names(nodes, witness, rules_of
         if number % 50 == 25:
             text = (moved, good)[number // 50 % 2].dumps()
             flood.constraints.publish(String(data=text))
-        witness.spin_until(lambda least=number - AT_ONCE: len(flood.costs) > least, 10.0)
-    witness.spin_until(lambda: len(flood.costs) == len(flood.verdicts) == SENT, 10.0)
-    witness.spin_until(lambda: all(answer.done() for answer in answers), 10.0)
+        observer.spin_until(lambda least=number - AT_ONCE: len(flood.costs) > least, 10.0)
+    observer.spin_until(lambda: len(flood.costs) == len(flood.verdicts) == SENT, 10.0)
+    observer.spin_until(lambda: all(answer.done() for answer in answers), 10.0)
     assert all(answer.result().result.successful for answer in answers)
 
     assert [to_nanoseconds(message.header.stamp) for message in flood.costs] == stamps
@@ -126,26 +126,26 @@ def test_every_verdict_is_that_of_the_rule_set_it_names(nodes, witness, rules_of
     assert last['rule_set'] == flood.costs[-1].header.frame_id
 
 
-def test_an_edit_that_cannot_be_made_changes_nothing(nodes, witness, rules_of):
+def test_an_edit_that_cannot_be_made_changes_nothing(nodes, observer, rules_of):
     file = nodes.folder / 'rules.yaml'
     rules_of['simple_nav'].save(file)
-    flood = Flood(witness)
+    flood = Flood(observer)
     nodes.start('monitor', constraints_file=file, timeout=100.0, disabled_rules=['R1'])
-    witness.spin_until(lambda: flood.rules and flood.client.service_is_ready(), 20.0)
+    observer.spin_until(lambda: flood.rules and flood.client.service_is_ready(), 20.0)
     for lists, reason in (
         ({'disabled_rules': ['R7']}, "there is no rule 'R7'"),
         ({'disabled_rules': ['R0'], 'moved_bounds': ['R0 > 1']}, 'a moved bound is'),
         ({'disabled_rules': [], 'moved_bounds': ['R1: x <= -inf']}, 'a moved bound is'),
     ):
         answer = flood.set(**lists)
-        witness.spin_until_done(answer, 10.0)
+        observer.spin_until_done(answer, 10.0)
         assert not answer.result().result.successful
         assert reason in answer.result().result.reason
     assert len(flood.rules) == 1
     answer = flood.set(disabled_rules=[])
-    witness.spin_until_done(answer, 10.0)
+    observer.spin_until_done(answer, 10.0)
     assert answer.result().result.successful
-    witness.spin_until(lambda: len(flood.rules) == 2, 10.0)
+    observer.spin_until(lambda: len(flood.rules) == 2, 10.0)
     told = [json.loads(message.data) for message in flood.rules]
     assert [[rule['enabled'] for rule in one['rules']] for one in told] == [
         [True, False],

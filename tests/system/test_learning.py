@@ -11,13 +11,13 @@ COLUMNS = ('x', 'y', 'reward', 'terminated', 'truncated', 'episode', 'true_cost'
 
 
 @pytest.fixture
-def drive(witness):
+def drive(observer):
     """Return a function that publishes one observation of robots."""
-    from occ_constraints_pkg.ros.messages import table_message
     from occ_constraints_pkg.ros.qos import STEPS
+    from occ_constraints_pkg.ros.tables import table_message
     from sensor_msgs.msg import PointCloud2
 
-    publisher = witness.node.create_publisher(PointCloud2, 'observation', STEPS)
+    publisher = observer.node.create_publisher(PointCloud2, 'observation', STEPS)
     stamps = iter(range(10**18, 2 * 10**18, 10**8))
 
     def publish(rows):
@@ -30,30 +30,30 @@ def drive(witness):
 
 
 def test_a_monitor_that_starts_later_uses_the_rules_learned_from_a_bag(
-    nodes, witness, drive, small_bag
+    nodes, observer, drive, small_bag
 ):
     rules = nodes.folder / 'rules.yaml'
     learner = nodes.start(
         'tree_learner', bags=str(small_bag), feature_map='simple_nav', output=rules
     )
-    witness.spin_until(lambda: 'rules learned' in learner.log.read_text(), 20.0)
+    observer.spin_until(lambda: 'rules learned' in learner.log.read_text(), 20.0)
     monitor = nodes.start('monitor', timeout=60.0)
     learned = load_constraints(rules)
     fingerprint = learned.rule_set.fingerprint
-    witness.spin_until(lambda: fingerprint in monitor.log.read_text(), 20.0)
-    # One more than the witness, which listens to observations as well.
-    witness.spin_until(lambda: drive.publisher.get_subscription_count() == 2, 10.0)
-    witness.wait_for_monitor(1)
+    observer.spin_until(lambda: fingerprint in monitor.log.read_text(), 20.0)
+    # One more than the observer, which listens to observations as well.
+    observer.spin_until(lambda: drive.publisher.get_subscription_count() == 2, 10.0)
+    observer.wait_for_monitor(1)
     rows = np.random.default_rng(0).random((200, 2))
     drive(rows)
-    witness.spin_until(lambda: len(witness.heard.costs) > 0, 10.0)
-    cost = next(iter(witness.heard.costs.values())).column('cost')
+    observer.spin_until(lambda: len(observer.heard.costs) > 0, 10.0)
+    cost = next(iter(observer.heard.costs.values())).column('cost')
     expected = learned.rule_set.judge(rows.astype(np.float32).astype(np.float64)).cost
     np.testing.assert_array_equal(cost, expected)
     assert 0 < expected.sum() < 200
 
 
-def test_learns_from_live_topics_when_asked(nodes, witness, drive, trigger):
+def test_learns_from_live_topics_when_asked(nodes, observer, drive, trigger):
     from occ_constraints_pkg.ros.qos import LATCHED
     from std_msgs.msg import String
 
@@ -63,15 +63,15 @@ def test_learns_from_live_topics_when_asked(nodes, witness, drive, trigger):
     )
     answer = trigger('tree_learner/learn')
     assert (answer.success, answer.message) == (False, 'no sample has been received yet')
-    witness.spin_until(lambda: drive.publisher.get_subscription_count() == 2, 10.0)
+    observer.spin_until(lambda: drive.publisher.get_subscription_count() == 2, 10.0)
     rows = np.random.default_rng(1).uniform(0.2, 0.6, (3, 40, 2)).astype(np.float32)
     for batch in rows:
         drive(batch)
-    witness.spin_until(lambda: len(witness.heard.true_cost) == 3, 10.0)
-    witness.spin_until(lambda: trigger('tree_learner/learn').success, 10.0)
+    observer.spin_until(lambda: len(observer.heard.true_cost) == 3, 10.0)
+    observer.spin_until(lambda: trigger('tree_learner/learn').success, 10.0)
     heard = []
-    witness.node.create_subscription(String, 'constraints', heard.append, LATCHED)
-    witness.spin_until(lambda: heard, 10.0)
+    observer.node.create_subscription(String, 'constraints', heard.append, LATCHED)
+    observer.spin_until(lambda: heard, 10.0)
     constraints = parse_constraints(heard[0].data, 'heard')
     assert heard[0].data == rules.read_text()
     assert (

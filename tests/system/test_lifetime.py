@@ -20,7 +20,7 @@ ENDINGS = [signal.SIGINT, signal.SIGTERM]
 
 @pytest.mark.parametrize('number', ENDINGS)
 def test_all_nodes_end_cleanly_while_they_wait_for_peers(
-    nodes, witness, rules_of, small_bag, number
+    nodes, observer, rules_of, small_bag, number
 ):
     rules = nodes.folder / 'rules.yaml'
     rules_of['simple_nav'].save(rules)
@@ -40,9 +40,9 @@ def test_all_nodes_end_cleanly_while_they_wait_for_peers(
 
     def all_there():
         assert all(process.is_running for process in nodes.started)
-        return set(witness.node.get_node_names()) >= set(NODES)
+        return set(observer.node.get_node_names()) >= set(NODES)
 
-    witness.spin_until(all_there, 40.0)
+    observer.spin_until(all_there, 40.0)
     nodes.stop(number=number)
     assert (nodes.folder / 'bag' / 'metadata.yaml').is_file()
 
@@ -84,7 +84,7 @@ def test_a_node_ends_at_once_and_in_silence_while_it_is_still_being_imported(pro
     assert 'rclpy' not in loaded
 
 
-def test_ctrl_c_in_a_terminal_ends_a_whole_group(nodes, witness):
+def test_ctrl_c_in_a_terminal_ends_a_whole_group(nodes, observer):
     command = [sys.executable, '-m', 'occ_constraints_pkg', 'node']
     code = f"""
 import subprocess, sys
@@ -107,7 +107,7 @@ except KeyboardInterrupt:
     )
     try:
         names = {'sim', 'policy'}
-        witness.spin_until(lambda: set(witness.node.get_node_names()) >= names, 30.0)
+        observer.spin_until(lambda: set(observer.node.get_node_names()) >= names, 30.0)
         os.killpg(parent.pid, signal.SIGINT)
         _, errors = parent.communicate(timeout=15.0)
         assert parent.returncode == 0
@@ -117,7 +117,7 @@ except KeyboardInterrupt:
             os.killpg(parent.pid, signal.SIGKILL)
 
 
-def test_nodes_end_when_the_program_that_started_them_is_killed(nodes, witness, tmp_path):
+def test_nodes_end_when_the_program_that_started_them_is_killed(nodes, observer, tmp_path):
     code = f"""
 import time
 from pathlib import Path
@@ -129,11 +129,11 @@ with nodes_running({{'policy': {{}}}}, Path({str(tmp_path)!r}), {nodes.domain}) 
     parent = subprocess.Popen([sys.executable, '-c', code], stdout=subprocess.PIPE, text=True)
     pid = int(parent.stdout.readline())
     try:
-        witness.spin_until(lambda: 'policy' in witness.node.get_node_names(), 30.0)
+        observer.spin_until(lambda: 'policy' in observer.node.get_node_names(), 30.0)
         parent.kill()
         parent.wait()
         # Where its farewell gets lost, others forget it after 20 s.
-        witness.spin_until(lambda: 'policy' not in witness.node.get_node_names(), 40.0)
+        observer.spin_until(lambda: 'policy' not in observer.node.get_node_names(), 40.0)
     finally:
         parent.kill()
         if Path(f'/proc/{pid}').exists():
@@ -142,17 +142,17 @@ with nodes_running({{'policy': {{}}}}, Path({str(tmp_path)!r}), {nodes.domain}) 
 
 
 @pytest.mark.skipif(not Path('/proc/self/task').exists(), reason='needs /proc')
-def test_a_witness_leaves_no_threads_behind(nodes):
-    from occ_constraints_pkg.demo.observer import Witness
+def test_an_observer_leaves_no_threads_behind(nodes):
+    from occ_constraints_pkg.demo.observer import Observer
 
     def threads():
         return len(os.listdir('/proc/self/task'))
 
     # The first one may load what stays for good.
-    with Witness(nodes.domain):
+    with Observer(nodes.domain):
         pass
     before = threads()
-    with Witness(nodes.domain) as witness:
-        witness.spin(0.1)
+    with Observer(nodes.domain) as observer:
+        observer.spin(0.1)
         assert threads() > before
     assert threads() == before

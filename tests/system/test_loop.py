@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Simulation, policy, monitor and recorder run; a bystander and the bag tell what they did."""
+"""Simulation, policy, monitor and recorder run; an observer and the bag show what they did."""
 
 import signal
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ class Run:
 
 @pytest.fixture(scope='module', params=RUNS)
 def run(request, make_nodes, rules_of, let_go):
-    from occ_constraints_pkg.demo.observer import Witness
+    from occ_constraints_pkg.demo.observer import Observer
 
     world = request.param
     driver, robots, least = RUNS[world]
@@ -47,16 +47,16 @@ def run(request, make_nodes, rules_of, let_go):
     nodes.start('recorder', output=bag, topics=list(TOPICS))
     policy = nodes.start('policy', policy=driver, wait_for_costs=True)
     nodes.start('sim', world=world, num_robots=robots, wait_for_subscribers=5)
-    with Witness(nodes.domain) as witness:
-        heard = witness.heard
-        witness.wait_for_monitor(2)
-        let_go(witness)
-        witness.spin_until(lambda: len(heard.true_cost) >= least, 40.0)
+    with Observer(nodes.domain) as observer:
+        heard = observer.heard
+        observer.wait_for_monitor(2)
+        let_go(observer)
+        observer.spin_until(lambda: len(heard.true_cost) >= least, 40.0)
         # Without the policy the simulation repeats its last step, which is answered in the end.
         nodes.stop(policy, number=signal.SIGTERM)
-        witness.spin_until(lambda: heard.duplicates >= 2, 10.0)
+        observer.spin_until(lambda: heard.duplicates >= 2, 10.0)
         nodes.stop()
-        witness.spin_until(lambda: len(heard.violations) == len(heard.costs), 5.0)
+        observer.spin_until(lambda: len(heard.violations) == len(heard.costs), 5.0)
     return Run(rules_of[world], robots, heard, bag)
 
 
@@ -115,7 +115,7 @@ def test_the_bag_opens_with_other_readers(run):
     assert document['message_count'] == sum(counts.values())
 
 
-def test_the_bag_has_all_that_a_bystander_heard(run):
+def test_the_bag_has_all_that_an_observer_heard(run):
     assert list(stamped(run.bag, '/observation')) == sorted(run.heard.true_cost)
     recorded = stamped(run.bag, '/costs')
     assert recorded.keys() == run.heard.costs.keys()
@@ -146,20 +146,20 @@ def test_playback_is_byte_identical(run, nodes):
     assert raw(second) == raw(run.bag)
 
 
-def test_a_killed_recorder_leaves_a_readable_bag(nodes, witness):
+def test_a_killed_recorder_leaves_a_readable_bag(nodes, observer):
     bag = nodes.folder / 'bag'
     recorder = nodes.start('recorder', output=bag, topics=['observation', 'action'])
     nodes.start('policy', policy='random')
     # Slow enough for everybody to keep pace.
     nodes.start('sim', world='simple_nav', num_robots=4, rate=100, wait_for_subscribers=3)
-    heard = witness.heard.true_cost
-    witness.spin_until(lambda: len(heard) > 0, 30.0)
+    heard = observer.heard.true_cost
+    observer.spin_until(lambda: len(heard) > 0, 30.0)
 
     # The recorder writes as it goes: what is in the file before the kill is in it afterwards.
     def written() -> int:
         return sum(file.stat().st_size for file in bag.glob('*.mcap'))
 
-    witness.spin_until(lambda: written() > 50_000, 60.0)
+    observer.spin_until(lambda: written() > 50_000, 60.0)
     flushed = len(stamped(bag, '/observation'))
     assert flushed > 0
     recorder.send_signal(signal.SIGKILL)
@@ -168,7 +168,7 @@ def test_a_killed_recorder_leaves_a_readable_bag(nodes, witness):
     stamps = list(stamped(bag, '/observation'))
     assert len(stamps) >= flushed
     # The recorder may have been ahead of this listener.
-    witness.spin_until(lambda: heard.keys() >= set(stamps), 30.0)
+    observer.spin_until(lambda: heard.keys() >= set(stamps), 30.0)
     assert stamps == sorted(heard)[: len(stamps)]
 
 

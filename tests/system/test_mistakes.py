@@ -162,13 +162,13 @@ def test_a_parameter_may_lack_its_decimal_point_or_its_brackets(node, files):
     assert 'the recording is over' in text
 
 
-def test_a_time_may_be_so_long_that_it_means_never(nodes, witness):
+def test_a_time_may_be_so_long_that_it_means_never(nodes, observer):
     nodes.start('sim', world='simple_nav', repeat_after=1e200, rate=1e-300)
     nodes.start('recorder', output=nodes.folder / 'bag', max_bag_duration=1e200)
     nodes.start('monitor', timeout=1e200, max_lead=1e200, warning_horizon=1e200)
     nodes.start('gate', command_timeout=1e200, timeout=1e200)
     names = {'sim', 'recorder', 'monitor', 'gate'}
-    witness.spin_until(lambda: set(witness.node.get_node_names()) >= names, 40.0)
+    observer.spin_until(lambda: set(observer.node.get_node_names()) >= names, 40.0)
 
 
 def test_parameters_for_any_node_may_be_those_of_others(node):
@@ -181,10 +181,10 @@ def test_parameters_for_any_node_may_be_those_of_others(node):
     assert "did you mean 'loop'?" in told[0]
 
 
-def test_quality_of_service_of_topics_that_a_map_names_can_be_overridden(nodes, witness):
+def test_quality_of_service_of_topics_that_a_map_names_can_be_overridden(nodes, observer):
     qos = 'qos_overrides./scan.subscription'
     nodes.start('monitor', **{f'{qos}.depth': 2, f'{qos}.reliability': 'RELIABLE'})
-    witness.spin_until(lambda: 'monitor' in witness.node.get_node_names(), 30.0)
+    observer.spin_until(lambda: 'monitor' in observer.node.get_node_names(), 30.0)
 
 
 ENVIRONMENTS = {
@@ -266,7 +266,7 @@ MISSING = {
     'rclpy': "'rclpy', which is not installed: pip install 'occ_constraints_pkg[ros]'",
     'diagnostic_msgs': "pip install 'occ_constraints_pkg[ros]'",
     'ruamel': 'source .venv/bin/activate), or pip install occ_constraints_pkg',
-    'mcap': 'source .venv/bin/activate), or pip install occ_constraints_pkg',
+    'numpy': 'source .venv/bin/activate), or pip install occ_constraints_pkg',
 }
 
 

@@ -17,35 +17,35 @@ STALE = b'\x03'
 class Robot:
     """Publishes observations as a simulation would, and listens to the monitor."""
 
-    def __init__(self, witness):
+    def __init__(self, observer):
         from diagnostic_msgs.msg import DiagnosticArray
         from occ_constraints_pkg.ros.qos import LATCHED, STEPS
         from sensor_msgs.msg import PointCloud2
         from std_msgs.msg import Float64, String
 
-        self.witness = witness
+        self.observer = observer
         self.costs, self.cost, self.violations, self.rule_stats = [], [], [], []
-        self.publisher = witness.node.create_publisher(PointCloud2, 'observation', STEPS)
-        self.constraints = witness.node.create_publisher(String, 'constraints', LATCHED)
+        self.publisher = observer.node.create_publisher(PointCloud2, 'observation', STEPS)
+        self.constraints = observer.node.create_publisher(String, 'constraints', LATCHED)
         for kind, topic, heard in (
             (PointCloud2, 'costs', self.costs),
             (Float64, 'cost', self.cost),
             (DiagnosticArray, 'violation', self.violations),
             (PointCloud2, 'rule_stats', self.rule_stats),
         ):
-            witness.node.create_subscription(kind, topic, heard.append, STEPS)
+            observer.node.create_subscription(kind, topic, heard.append, STEPS)
         self.stamp = 10**18
 
     def wait_for_monitor(self):
-        self.witness.wait_for_monitor(2)
-        # The witness itself listens as well.
+        self.observer.wait_for_monitor(2)
+        # The observer itself listens as well.
         self.until(lambda: self.publisher.get_subscription_count() >= 2)
 
     def until(self, condition, seconds=10.0):
-        self.witness.spin_until(condition, seconds)
+        self.observer.spin_until(condition, seconds)
 
     def message(self, *rows, columns=COLUMNS):
-        from occ_constraints_pkg.ros.messages import table_message
+        from occ_constraints_pkg.ros.tables import table_message
 
         values = np.zeros((len(rows), len(columns)), dtype=np.float32)
         if rows:
@@ -75,7 +75,7 @@ class Robot:
 
     def said(self):
         text = self.monitor.log.read_text()
-        return text.count('enabled rules') + text.count('rule set refused')
+        return text.count('enabled rule') + text.count('rule set refused')
 
     def start_monitor(self, nodes, rules, **parameters):
         file = nodes.folder / 'rules.yaml'
@@ -87,11 +87,11 @@ class Robot:
 @pytest.fixture(scope='module')
 def shared(make_nodes, rules_of):
     """Return a robot with a monitor that several tests use, one after the other."""
-    from occ_constraints_pkg.demo.observer import Witness
+    from occ_constraints_pkg.demo.observer import Observer
 
     nodes = make_nodes()
-    with Witness(nodes.domain) as witness:
-        robot = Robot(witness)
+    with Observer(nodes.domain) as observer:
+        robot = Robot(observer)
         # No test is so slow that its silence would be noticed.
         robot.start_monitor(nodes, rules_of['simple_nav'], timeout=100.0)
         yield robot
@@ -149,8 +149,8 @@ def test_input_that_cannot_be_read_is_unknown_and_the_next_is_judged(robot):
         assert robot.is_safe()
 
 
-def test_silence_is_unknown_again_and_again_until_the_next_input(nodes, witness, rules_of):
-    robot = Robot(witness)
+def test_silence_is_unknown_again_and_again_until_the_next_input(nodes, observer, rules_of):
+    robot = Robot(observer)
     robot.start_monitor(nodes, rules_of['simple_nav'], timeout=0.5)
     assert robot.is_safe()
     before = len(robot.cost)
@@ -162,14 +162,14 @@ def test_silence_is_unknown_again_and_again_until_the_next_input(nodes, witness,
     assert robot.is_safe()
 
 
-def test_an_approach_is_warned_of_and_an_episode_forgets_it(nodes, witness, rules_of):
+def test_an_approach_is_warned_of_and_an_episode_forgets_it(nodes, observer, rules_of):
     from occ_constraints_pkg.ros.qos import STEPS
     from std_msgs.msg import Float64
 
-    robot = Robot(witness)
+    robot = Robot(observer)
     times, margins = [], []
     for topic, heard in (('time_to_violation', times), ('margin', margins)):
-        witness.node.create_subscription(Float64, topic, heard.append, STEPS)
+        observer.node.create_subscription(Float64, topic, heard.append, STEPS)
     robot.start_monitor(nodes, rules_of['simple_nav'], timeout=100.0, warning_horizon=0.5)
     # The monitor has found this node's subscriptions when it has answered on each topic.
     robot.until(lambda: robot.send(robot.message(SAFE)) and times and margins)
@@ -195,7 +195,7 @@ def test_an_approach_is_warned_of_and_an_episode_forgets_it(nodes, witness, rule
     robot.until(lambda: times[-1].data == np.inf)
 
 
-def test_a_topic_of_another_type_is_unknown_and_named(nodes, witness, rules_of):
+def test_a_topic_of_another_type_is_unknown_and_named(nodes, observer, rules_of):
     import rclpy
     from diagnostic_msgs.msg import DiagnosticArray
     from std_msgs.msg import String
@@ -209,7 +209,7 @@ def test_a_topic_of_another_type_is_unknown_and_named(nodes, witness, rules_of):
     try:
         process = nodes.start('monitor', constraints_file=rules, timeout=0.5)
         heard = []
-        witness.node.create_subscription(DiagnosticArray, 'violation', heard.append, 10)
+        observer.node.create_subscription(DiagnosticArray, 'violation', heard.append, 10)
         expected = (
             'UNKNOWN: observation is published as std_msgs/msg/String; allowed is '
             'sensor_msgs/msg/PointCloud2'
@@ -219,7 +219,7 @@ def test_a_topic_of_another_type_is_unknown_and_named(nodes, witness, rules_of):
             publisher.publish(String(data='x'))
             return heard and heard[-1].status[0].message == expected
 
-        witness.spin_until(told, 20.0)
+        observer.spin_until(told, 20.0)
         assert process.is_running
     finally:
         other.destroy_node()
@@ -312,19 +312,19 @@ def test_counters_survive_the_same_rules_and_a_repeat_counts_once(robot, rules_o
         return Table.from_message(robot.rule_stats[-1]).values.tolist() if robot.rule_stats else []
 
     robot.until(lambda: counts() == [[4.0, 2.0]])
-    assert robot.witness.call(Trigger, 'monitor/reset_stats').success
+    assert robot.observer.call(Trigger, 'monitor/reset_stats').success
     robot.until(lambda: counts() == [[0.0, 0.0]])
 
 
 def test_a_disabled_monitor_says_unknown_and_judges_what_is_repeated_afterwards(robot):
     from std_srvs.srv import SetBool
 
-    assert robot.witness.call(SetBool, 'monitor/enable', data=False).success
+    assert robot.observer.call(SetBool, 'monitor/enable', data=False).success
     message = robot.message(UNSAFE)
     costs, cost, violation = robot.send(message)
     assert (costs, cost) == (None, 1.0)
     assert violation.status[0].message == 'UNKNOWN: the monitor is disabled'
-    assert robot.witness.call(SetBool, 'monitor/enable', data=True).success
+    assert robot.observer.call(SetBool, 'monitor/enable', data=True).success
     costs, cost, violation = robot.send(message)
     assert costs.column('verdict').tolist() == [Verdict.VIOLATED]
     assert stamp_of(robot.costs[-1]) == stamp_of(violation) == stamp_of(message)
@@ -336,7 +336,7 @@ def test_a_disabled_monitor_does_not_repeat_what_it_said_before(robot):
     message = robot.message(SAFE)
     assert robot.send(message)[1] == 0.0
     judged, told = len(robot.costs), len(robot.violations)
-    assert robot.witness.call(SetBool, 'monitor/enable', data=False).success
+    assert robot.observer.call(SetBool, 'monitor/enable', data=False).success
     for _ in range(2):
         robot.publisher.publish(message)
     # One for being disabled, and one for each repeat.
@@ -344,10 +344,10 @@ def test_a_disabled_monitor_does_not_repeat_what_it_said_before(robot):
     words = {violation.status[0].message for violation in robot.violations[told:]}
     assert words == {'UNKNOWN: the monitor is disabled'}
     assert len(robot.costs) == judged
-    assert robot.witness.call(SetBool, 'monitor/enable', data=True).success
+    assert robot.observer.call(SetBool, 'monitor/enable', data=True).success
 
 
-def test_typed_messages_of_a_best_effort_publisher_are_judged(nodes, witness):
+def test_typed_messages_of_a_best_effort_publisher_are_judged(nodes, observer):
     from nav_msgs.msg import Odometry
     from occ_constraints_pkg.ros.messages import to_time
     from occ_constraints_pkg.ros.qos import SENSORS
@@ -363,12 +363,12 @@ def test_typed_messages_of_a_best_effort_publisher_are_judged(nodes, witness):
     }
     space = FeatureMap.from_document(document, '').space
     rules = RuleSet(space, (Rule('fast', (Literal(0, '>', 1.0),)),), np.array([[0.0, 1.0]] * 2))
-    robot = Robot(witness)
+    robot = Robot(observer)
     file = nodes.folder / 'rules.yaml'
     Constraints(rules, document).save(file)
     nodes.start('monitor', constraints_file=file, timeout=0.5)
-    witness.wait_for_monitor(2)
-    publisher = robot.witness.node.create_publisher(Odometry, 'odom', SENSORS)
+    observer.wait_for_monitor(2)
+    publisher = robot.observer.node.create_publisher(Odometry, 'odom', SENSORS)
     robot.until(lambda: publisher.get_subscription_count() == 1)
     for speed, verdict in ((0.5, Verdict.SAFE), (1.5, Verdict.VIOLATED), (np.nan, 2)):
         message = Odometry()

@@ -28,7 +28,7 @@ class LockStep:
 
     def __init__(self, nodes, rules, topics):
         from diagnostic_msgs.msg import DiagnosticArray
-        from occ_constraints_pkg.demo.observer import Witness
+        from occ_constraints_pkg.demo.observer import Observer
         from occ_constraints_pkg.ros.qos import STEPS
         from rosgraph_msgs.msg import Clock
         from sensor_msgs.msg import PointCloud2
@@ -45,9 +45,9 @@ class LockStep:
         self.monitor = nodes.start(
             'monitor', constraints_file=self.rules, timeout=60.0, use_sim_time=True, **reliable
         )
-        self.witness = Witness(nodes.domain)
+        self.observer = Observer(nodes.domain)
         self.costs, self.violations = [], []
-        node = self.witness.node
+        node = self.observer.node
         node.create_subscription(PointCloud2, 'costs', self.costs.append, STEPS)
         node.create_subscription(DiagnosticArray, 'violation', self.violations.append, STEPS)
         self.clock = node.create_publisher(Clock, '/clock', STEPS)
@@ -59,7 +59,7 @@ class LockStep:
         from rosgraph_msgs.msg import Clock
         from std_srvs.srv import SetBool
 
-        witness, node = self.witness, self.witness.node
+        observer, node = self.observer, self.observer.node
         publishers = {
             topic: node.create_publisher(
                 message_class(recording.topics[topic].msgtype), topic, STEPS
@@ -67,18 +67,18 @@ class LockStep:
             for topic in topics
         }
         everything = [*publishers.values(), self.clock]
-        witness.spin_until(lambda: all(p.get_subscription_count() for p in everything), 30.0)
-        witness.wait_for_monitor(2)
+        observer.spin_until(lambda: all(p.get_subscription_count() for p in everything), 30.0)
+        observer.wait_for_monitor(2)
         # Answered, so the monitor has found this client, and we the monitor's topics.
-        witness.call(SetBool, 'monitor/enable', data=True)
-        witness.spin_until(self.done.service_is_ready, 30.0)
+        observer.call(SetBool, 'monitor/enable', data=True)
+        observer.spin_until(self.done.service_is_ready, 30.0)
         for message in recording.messages(topics):
             self.clock.publish(Clock(clock=to_time(message.log_time_ns)))
             publishers[message.topic].publish(message.data)
             # Callbacks run in the order in which their messages came, so whatever this message
             # brings about has been published when the call is answered.
             answer = self.done.call_async(SetBool.Request(data=True))
-            witness.spin_until_done(answer, 30.0)
+            observer.spin_until_done(answer, 30.0)
             assert answer.result().success
 
 
@@ -92,7 +92,7 @@ def lock_step(nodes):
 
     yield make
     for player in made:
-        player.witness.__exit__()
+        player.observer.__exit__()
 
 
 def map_of(text):
@@ -128,8 +128,8 @@ def check(lock_step, bag, feature_map, contamination=0.2):
 
     # A message that came twice is answered twice, and counted once.
     answered = sum(1 for _ in rows_of(recording, FeatureExtractor(feature_map, 1.0)))
-    player.witness.spin(10.0, lambda: len(player.costs) >= answered)
-    player.witness.spin(10.0, lambda: len(player.violations) >= answered)
+    player.observer.spin(10.0, lambda: len(player.costs) >= answered)
+    player.observer.spin(10.0, lambda: len(player.violations) >= answered)
     assert len(player.costs) == len(player.violations) == answered
     expected = [
         (stamp, row.tobytes())

@@ -27,14 +27,14 @@ def full_name(name, node):
     return name.replace('~', f'/{node}', 1) if name.startswith('~') else f'/{name.lstrip("/")}'
 
 
-def created(witness, name, namespace):
+def created(observer, name, namespace):
     """Return the same of what a node has created, as if its namespace were the root."""
 
     def plain(entries):
         prefix = '' if namespace == '/' else namespace
         return {topic.removeprefix(prefix) for topic, _ in entries}
 
-    node = witness.node
+    node = observer.node
     return {
         'publish': plain(node.get_publisher_names_and_types_by_node(name, namespace)),
         'subscribe': plain(node.get_subscriber_names_and_types_by_node(name, namespace)),
@@ -44,7 +44,7 @@ def created(witness, name, namespace):
 
 
 @pytest.mark.slow
-def test_every_topic_and_service_of_the_nodes_is_allowed(nodes, witness, rules_of, small_bag):
+def test_every_topic_and_service_of_the_nodes_is_allowed(nodes, observer, rules_of, small_bag):
     for module in ('mujoco', 'torch'):
         pytest.importorskip(module, reason="needs the extra 'train'")
     rules = nodes.folder / 'rules.yaml'
@@ -68,16 +68,16 @@ def test_every_topic_and_service_of_the_nodes_is_allowed(nodes, witness, rules_o
 
     def settled():
         nonlocal seen, same
-        there = set(witness.node.get_node_names_and_namespaces())
+        there = set(observer.node.get_node_names_and_namespaces())
         if not {(name, namespace) for name, namespace, _ in started} <= there:
             return False
-        now = [created(witness, name, namespace) for name, namespace, _ in started]
+        now = [created(observer, name, namespace) for name, namespace, _ in started]
         same = same + 1 if now == seen else 0
         seen = now
         # Endpoints are discovered one by one.
         return same >= 10 and all(item['publish'] and item['reply'] for item in now)
 
-    witness.spin_until(settled, 60.0)
+    observer.spin_until(settled, 60.0)
     for (name, _, _), found in zip(started, seen, strict=True):
         rules_for = allowed(name)
         assert found.pop('request') == set()

@@ -9,7 +9,7 @@ from occ_constraints_pkg.cli import main
 from occ_constraints_pkg.rules.constraints_file import load_constraints
 
 
-def test_simple_navigation_is_pruned_to_the_rule_of_the_paper(nodes, witness, trigger, let_go):
+def test_simple_navigation_is_pruned_to_the_rule_of_the_paper(nodes, observer, trigger, let_go):
     bag, rules, pruned_file = (nodes.folder / name for name in ('bag', 'a.yaml', 'b.yaml'))
     episode = {'world': 'simple_nav', 'num_robots': 200, 'episodes': 1, 'wait_for_subscribers': 3}
     # The monitor and the driver that it will watch have a namespace of their own.
@@ -20,9 +20,9 @@ def test_simple_navigation_is_pruned_to_the_rule_of_the_paper(nodes, witness, tr
     drive = nodes.start('sim', namespace='/drive', seed=5, **episode)
     recorder = nodes.start('recorder', output=bag, topics='observation')
     nodes.start('policy', policy='expert')
-    # The witness listens to observations too.
+    # The observer listens to observations too.
     demonstration = nodes.start('sim', **episode)
-    witness.spin_until(lambda: not demonstration.is_running, 40.0)
+    observer.spin_until(lambda: not demonstration.is_running, 40.0)
     demonstration.raise_error()
     nodes.stop(recorder)
     learner = nodes.start(
@@ -35,9 +35,9 @@ def test_simple_navigation_is_pruned_to_the_rule_of_the_paper(nodes, witness, tr
         alpha=0.5,
         max_depth=2,
     )
-    witness.spin_until(lambda: 'enabled rules' in monitor.log.read_text(), 30.0)
-    let_go(witness, '/drive/observation')
-    witness.spin_until(lambda: not drive.is_running, 40.0)
+    observer.spin_until(lambda: 'enabled rule' in monitor.log.read_text(), 30.0)
+    let_go(observer, '/drive/observation')
+    observer.spin_until(lambda: not drive.is_running, 40.0)
     drive.raise_error()
     nodes.stop(learner)
     answer = trigger('/drive/monitor/prune')

@@ -14,11 +14,11 @@ START_NS = 1_700_000_000_000_000_000
 LATCHED_OFFER = [{'reliability': 'reliable', 'durability': 'transient_local'}]
 
 
-def test_topics_by_pattern_are_recorded_as_offered_in_split_files(nodes, witness):
+def test_topics_by_pattern_are_recorded_as_offered_in_split_files(nodes, observer):
     from occ_constraints_pkg.ros.qos import LATCHED, SENSORS, STEPS
     from std_msgs.msg import String
 
-    bag, node = nodes.folder / 'bag', witness.node
+    bag, node = nodes.folder / 'bag', observer.node
     latched = node.create_publisher(String, '/map_static', LATCHED)
     latched.publish(String(data='before the recorder'))
     steady = node.create_publisher(String, '/chat', STEPS)
@@ -34,7 +34,7 @@ def test_topics_by_pattern_are_recorded_as_offered_in_split_files(nodes, witness
     )
     # The recorder was told of all of them at once, so it would have come for the secret one too.
     for publisher in (latched, steady, modest):
-        witness.spin_until(lambda p=publisher: p.get_subscription_count() == 1, 30.0)
+        observer.spin_until(lambda p=publisher: p.get_subscription_count() == 1, 30.0)
     sent = 0
 
     def files():
@@ -44,11 +44,11 @@ def test_topics_by_pattern_are_recorded_as_offered_in_split_files(nodes, witness
         sent += 1
         return len(list(bag.glob('*.mcap')))
 
-    witness.spin_until(lambda: files() >= 4, 20.0)
+    observer.spin_until(lambda: files() >= 4, 20.0)
     assert secret.get_subscription_count() == 0
     steady.publish(String(data='last'))
     # It has come when it can be read, as the file is flushed twice a second.
-    witness.spin_until(lambda: texts(bag, '/chat')[-1:] == ['last'], 20.0)
+    observer.spin_until(lambda: texts(bag, '/chat')[-1:] == ['last'], 20.0)
     nodes.stop(recorder)
 
     assert texts(bag, '/map_static') == ['before the recorder']
@@ -69,7 +69,7 @@ def test_topics_by_pattern_are_recorded_as_offered_in_split_files(nodes, witness
         assert sum(1 for _ in reader.messages()) == info['message_count']
 
 
-def test_the_player_pauses_starts_late_and_tells_the_time(nodes, witness):
+def test_the_player_pauses_starts_late_and_tells_the_time(nodes, observer):
     from occ_constraints_pkg.ros.messages import to_nanoseconds
     from occ_constraints_pkg.ros.qos import STEPS
     from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -84,7 +84,7 @@ def test_the_player_pauses_starts_late_and_tells_the_time(nodes, witness):
             writer.write('/tick', STRING, string(str(tick)), START_NS + tick * 10**8)
         writer.write('/clock', 'rosgraph_msgs/msg/Clock', b'\0\1\0\0' + bytes(8), START_NS)
     times, ticks, maps = [], [], []
-    node = witness.node
+    node = observer.node
     for kind, topic, callback in (
         (Clock, '/clock', lambda message: times.append(to_nanoseconds(message.clock))),
         (String, '/tick', lambda message: ticks.append(int(message.data))),
@@ -96,28 +96,28 @@ def test_the_player_pauses_starts_late_and_tells_the_time(nodes, witness):
         'player', bag=bag, start_paused=True, start_offset=20.0, clock=100.0, wait_for_subscribers=2
     )
     # Time is told, and stands still.
-    witness.spin_until(lambda: len(times) > 20, 30.0)
+    observer.spin_until(lambda: len(times) > 20, 30.0)
     assert set(times) == {START_NS + 20 * 10**9}
     assert ticks == maps == []
 
-    assert witness.call(Trigger, 'player/resume').success
-    witness.spin_until(lambda: len(ticks) > 3 and maps, 20.0)
+    assert observer.call(Trigger, 'player/resume').success
+    observer.spin_until(lambda: len(ticks) > 3 and maps, 20.0)
     assert maps == ['map']
-    assert witness.call(Trigger, 'player/pause').message == 'paused'
+    assert observer.call(Trigger, 'player/pause').message == 'paused'
     # What was under way has come when time has been told to stand still for a while.
-    witness.spin_until(lambda: len(times) > 20 and len(set(times[-20:])) == 1, 20.0)
+    observer.spin_until(lambda: len(times) > 20 and len(set(times[-20:])) == 1, 20.0)
     paused_at, stood = ticks[-1], times[-1]
     assert ticks == list(range(200, paused_at + 1))
     assert START_NS + paused_at * 10**8 <= stood
     count = len(times)
-    witness.spin_until(lambda: len(times) > count + 20, 20.0)
+    observer.spin_until(lambda: len(times) > count + 20, 20.0)
     assert (ticks[-1], times[-1]) == (paused_at, stood)
 
     began = time.monotonic()
     # A repeated request would toggle twice, so what came of it is looked at.
-    witness.call(Trigger, 'player/toggle_paused')
-    witness.call(Trigger, 'player/resume')
-    witness.spin_until(lambda: len(ticks) > paused_at - 200 + 4, 20.0)
+    observer.call(Trigger, 'player/toggle_paused')
+    observer.call(Trigger, 'player/resume')
+    observer.spin_until(lambda: len(ticks) > paused_at - 200 + 4, 20.0)
     assert ticks == list(range(200, ticks[-1] + 1))
     assert times == sorted(times)
     assert times[-1] - stood <= (time.monotonic() - began) * 1e9

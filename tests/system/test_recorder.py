@@ -10,24 +10,24 @@ from ruamel.yaml import YAML
 
 
 def test_publishers_that_offer_different_qualities_are_recorded_and_played(
-    nodes, witness, make_nodes
+    nodes, observer, make_nodes
 ):
-    from occ_constraints_pkg.demo.observer import Witness
+    from occ_constraints_pkg.demo.observer import Observer
     from occ_constraints_pkg.ros.qos import LATCHED, SENSORS
     from rclpy.qos import DurabilityPolicy, QoSProfile
     from std_msgs.msg import String
 
     bag = nodes.folder / 'bag'
-    latched = witness.node.create_publisher(String, 'mixed', LATCHED)
+    latched = observer.node.create_publisher(String, 'mixed', LATCHED)
     latched.publish(String(data='before the recorder'))
     recorder = nodes.start('recorder', output=bag, topics=['mixed', 'never'])
-    witness.spin_until(lambda: recorded(bag) == 1, 20.0)
-    modest = witness.node.create_publisher(String, 'mixed', SENSORS)
+    observer.spin_until(lambda: recorded(bag) == 1, 20.0)
+    modest = observer.node.create_publisher(String, 'mixed', SENSORS)
     for publisher in (latched, modest):
-        witness.spin_until(lambda p=publisher: p.get_subscription_count() == 1, 10.0)
+        observer.spin_until(lambda p=publisher: p.get_subscription_count() == 1, 10.0)
     modest.publish(String(data='modest'))
     latched.publish(String(data='reliable'))
-    witness.spin_until(lambda: recorded(bag) >= 3, 20.0)
+    observer.spin_until(lambda: recorded(bag) >= 3, 20.0)
     nodes.stop(recorder)
     assert 'nobody has published /never so far' in recorder.log.read_text()
     expected = ['before the recorder', 'modest', 'reliable']
@@ -36,7 +36,7 @@ def test_publishers_that_offer_different_qualities_are_recorded_and_played(
     # A late subscriber that asks for the most gets all that was latched.
     other, heard = make_nodes(), []
     deep = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    with Witness(other.domain) as listener:
+    with Observer(other.domain) as listener:
         player = other.start('player', bag=bag, rate=100.0, wait_for_subscribers=1)
         listener.node.create_subscription(
             String, 'mixed', lambda message: heard.append(message.data), deep

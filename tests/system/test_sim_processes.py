@@ -12,11 +12,11 @@ pytest.importorskip('mujoco', reason="needs the extra 'train'")
 
 
 @pytest.fixture
-def started(nodes, witness):
+def started(nodes, observer):
     """Return the simulation, once it steps, and the id of its helping process."""
     nodes.start('policy', policy='straightv')
     sim = nodes.start('sim', world='PointGoal1', num_robots=4, processes=2, wait_for_subscribers=2)
-    witness.spin_until(lambda: len(witness.heard.true_cost) >= 10, 40.0)
+    observer.spin_until(lambda: len(observer.heard.true_cost) >= 10, 40.0)
     return sim, *_children(sim.pid)
 
 
@@ -34,19 +34,19 @@ def test_says_so_and_ends_when_its_helper_is_gone(nodes, started):
     nodes.started.remove(sim)
 
 
-def test_ends_cleanly_when_its_helper_sleeps(nodes, witness, started):
+def test_ends_cleanly_when_its_helper_sleeps(nodes, observer, started):
     sim, helper = started
     os.kill(helper, signal.SIGSTOP)
     steps = -1
 
     def stands():
         nonlocal steps
-        before, steps = steps, len(witness.heard.true_cost)
+        before, steps = steps, len(observer.heard.true_cost)
         return steps == before
 
     # It waits for the helper, if nothing comes for long; otherwise this shows less, but holds.
     while not stands():
-        witness.spin(1.0)
+        observer.spin(1.0)
     nodes.stop(sim)
     assert not Path(f'/proc/{helper}').exists()
 

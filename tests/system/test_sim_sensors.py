@@ -12,8 +12,8 @@ KINDS = ('goal', 'hazards', 'vases')
 
 
 @pytest.fixture
-def heard(witness):
-    """Return by topic what the witness hears, each by its stamp."""
+def heard(observer):
+    """Return by topic what the observer hears, each by its stamp."""
     from nav_msgs.msg import Odometry
     from occ_constraints_pkg.ros.messages import to_nanoseconds
     from occ_constraints_pkg.ros.qos import STEPS
@@ -29,30 +29,30 @@ def heard(witness):
             header = message.markers[0].header if topic == 'scene' else message.header
             heard[topic][to_nanoseconds(header.stamp)] = message
 
-        witness.node.create_subscription(kind, topic, keep, STEPS)
+        observer.node.create_subscription(kind, topic, keep, STEPS)
     return heard
 
 
-def _matched(witness, heard):
-    return lambda: all(witness.node.count_publishers(topic) for topic in heard)
+def _matched(observer, heard):
+    return lambda: all(observer.node.count_publishers(topic) for topic in heard)
 
 
-def test_typed_sensors_say_what_the_observation_says(nodes, witness, heard):
+def test_typed_sensors_say_what_the_observation_says(nodes, observer, heard):
     from rosgraph_msgs.msg import Clock
 
     clock = []
-    witness.node.create_subscription(Clock, '/clock', clock.append, 10)
+    observer.node.create_subscription(Clock, '/clock', clock.append, 10)
     nodes.start('policy', policy='expert')
-    # The witness listens twice to observation.
-    # At a rate that the witness, with seven topics, can keep pace with.
+    # The observer listens twice to observation.
+    # At a rate that the observer, with seven topics, can keep pace with.
     options = {'world': 'CarGoal1', 'num_robots': 2, 'publish_clock': True, 'rate': 30.0}
     nodes.start('sim', **options, wait_for_subscribers=3)
-    witness.spin_until(_matched(witness, heard), 30.0)
+    observer.spin_until(_matched(observer, heard), 30.0)
 
     def common():
         return sorted(set.intersection(*(set(messages) for messages in heard.values())))
 
-    witness.spin_until(lambda: len(common()) >= 30 and len(clock) >= 30, 30.0)
+    observer.spin_until(lambda: len(common()) >= 30 and len(clock) >= 30, 30.0)
     assert clock[0].clock.sec > 1_700_000_000
     for stamp in common():
         table = Table.from_message(heard['observation'][stamp])
@@ -86,12 +86,12 @@ def test_typed_sensors_say_what_the_observation_says(nodes, witness, heard):
         assert markers[-1].pose.position == odom.pose.pose.position
 
 
-def test_a_velocity_command_drives_until_it_is_missed(nodes, witness, heard):
+def test_a_velocity_command_drives_until_it_is_missed(nodes, observer, heard):
     from geometry_msgs.msg import Twist
 
-    publisher = witness.node.create_publisher(Twist, 'cmd_vel', 10)
+    publisher = observer.node.create_publisher(Twist, 'cmd_vel', 10)
     nodes.start('sim', world='CarGoal1', drive_by_cmd_vel=True, cmd_vel_timeout=1.0)
-    witness.spin_until(
+    observer.spin_until(
         lambda: publisher.get_subscription_count() == 1 and len(heard['odom']) > 2, 30.0
     )
 
@@ -107,9 +107,9 @@ def test_a_velocity_command_drives_until_it_is_missed(nodes, witness, heard):
         drive(0.5)
         return speed() > 0.4
 
-    witness.spin_until(fast, 30.0)
+    observer.spin_until(fast, 30.0)
     drive(float('nan'))
     # Nobody commands any more.
-    witness.spin_until(lambda: abs(speed()) < 0.1, 30.0)
+    observer.spin_until(lambda: abs(speed()) < 0.1, 30.0)
     log = nodes.started[0].log.read_text()
     assert 'cmd_vel ignored: a Twist asks for linear.x = nan' in log

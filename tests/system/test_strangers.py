@@ -17,28 +17,29 @@ STEP_NS = round(WORLD.step_seconds * 1e9)
 
 
 class Stage:
-    """Simulation, monitor and whoever else acts, all played by the witness.
+    """Simulation, monitor and whoever else acts, all played by the observer.
 
     Attributes:
         answers: the stamp of each step that was answered to the columns of the answer.
     """
 
-    def __init__(self, witness) -> None:
+    def __init__(self, observer) -> None:
         from occ_constraints_pkg.ros.qos import STEPS
         from sensor_msgs.msg import PointCloud2
 
-        self._witness, self._kind, self._qos = witness, PointCloud2, STEPS
+        self._observer, self._kind, self._qos = observer, PointCloud2, STEPS
         self._observation, self._costs = map(self.publisher, ('observation', 'costs'))
         self.answers = {}
-        witness.node.create_subscription(PointCloud2, 'action', self._on_action, STEPS)
+        observer.node.create_subscription(PointCloud2, 'action', self._on_action, STEPS)
 
     def publisher(self, topic):
-        return self._witness.node.create_publisher(self._kind, topic, self._qos)
+        return self._observer.node.create_publisher(self._kind, topic, self._qos)
 
     def say(self, stamp, kind=WORLD, world=WORLD.name, rules='rules') -> bool:
         """Show a step, and what it costs; return whether it has been answered before."""
-        from occ_constraints_pkg.ros.table_topics import table_bytes
-        from occ_constraints_pkg.ros.tables import COST_COLUMNS, observation_table
+        from occ_constraints_pkg.nodes.lockstep import observation_table
+        from occ_constraints_pkg.nodes.monitor.outputs import COST_COLUMNS
+        from occ_constraints_pkg.ros.tables import table_bytes
         from occ_constraints_pkg.worlds.stream import StepBatch
 
         none, never = np.zeros(ROBOTS), np.zeros(ROBOTS, dtype=bool)
@@ -51,7 +52,7 @@ class Stage:
         return stamp in self.answers
 
     def wait_for_answer(self, stamp, **options) -> None:
-        self._witness.spin_until(lambda: self.say(stamp, **options), 60.0)
+        self._observer.spin_until(lambda: self.say(stamp, **options), 60.0)
 
     def _on_action(self, message) -> None:
         from occ_constraints_pkg.ros.messages import to_nanoseconds
@@ -61,8 +62,8 @@ class Stage:
 
 
 @pytest.fixture
-def stage(witness):
-    return Stage(witness)
+def stage(observer):
+    return Stage(observer)
 
 
 @pytest.fixture
@@ -73,9 +74,9 @@ def start_learner(nodes):
 
 
 def test_nothing_is_learned_from_a_step_that_another_node_answered_too(
-    nodes, witness, stage, start_learner
+    nodes, observer, stage, start_learner
 ):
-    from occ_constraints_pkg.ros.table_topics import table_bytes
+    from occ_constraints_pkg.ros.tables import table_bytes
 
     start, output = start_learner
     learner = start()
@@ -88,32 +89,32 @@ def test_nothing_is_learned_from_a_step_that_another_node_answered_too(
         rival.publish(other)
         return 'another node publishes other actions on /action' in learner.log.read_text()
 
-    # The witness itself listens, too.
-    witness.spin_until(lambda: rival.get_subscription_count() == 2, 30.0)
-    witness.spin_until(waits, 30.0)
-    witness.node.destroy_publisher(rival)
+    # The observer itself listens, too.
+    observer.spin_until(lambda: rival.get_subscription_count() == 2, 30.0)
+    observer.spin_until(waits, 30.0)
+    observer.node.destroy_publisher(rival)
     # Whose action led there is not known.
     stage.wait_for_answer(STEP_NS)
     stage.wait_for_answer(2 * STEP_NS)
-    witness.spin_until((output / 'metrics.jsonl').exists, 30.0)
+    observer.spin_until((output / 'metrics.jsonl').exists, 30.0)
     nodes.stop(learner, number=signal.SIGTERM)
     first = json.loads((output / 'metrics.jsonl').read_text().splitlines()[0])
     assert first['steps'] == ROBOTS
 
 
 def test_a_second_simulation_other_rules_and_another_world_are_told(
-    nodes, witness, stage, start_learner
+    nodes, observer, stage, start_learner
 ):
     start, _ = start_learner
     learner = start()
     for stamp in (0, STEP_NS, 1_000_000_000, 2 * STEP_NS):
         stage.wait_for_answer(stamp)
-    witness.spin_until(
+    observer.spin_until(
         lambda: 'two simulations take turns on /observation' in learner.log.read_text(), 30.0
     )
 
     stage.wait_for_answer(3 * STEP_NS, rules='others')
-    witness.spin_until(
+    observer.spin_until(
         lambda: 'now those of rule set others, before of rules' in learner.log.read_text(), 30.0
     )
 
@@ -122,7 +123,7 @@ def test_a_second_simulation_other_rules_and_another_world_are_told(
         stage.say(4 * STEP_NS, world='other')
         return not learner.is_running
 
-    witness.spin_until(has_ended, 30.0)
+    observer.spin_until(has_ended, 30.0)
     assert learner.exit_code == 2
     assert 'is one of simple_nav, and the simulation is other' in learner.last_words()
     assert 4 * STEP_NS not in stage.answers
@@ -139,14 +140,14 @@ def test_a_driver_takes_up_another_world(nodes, stage):
 
 
 @pytest.mark.parametrize('rate', [0.0, 20.0])
-def test_an_action_that_cannot_be_taken_is_ignored(nodes, witness, stage, rate):
-    from occ_constraints_pkg.ros.table_topics import table_bytes
+def test_an_action_that_cannot_be_taken_is_ignored(nodes, observer, stage, rate):
+    from occ_constraints_pkg.ros.tables import table_bytes
 
     action = stage.publisher('action')
     sim = nodes.start('sim', world=WORLD.name, num_robots=2, rate=rate, repeat_after=0.1)
 
     def act(values):
-        stamp = max(witness.heard.true_cost, default=0)
+        stamp = max(observer.heard.true_cost, default=0)
         table = Table(ACTION, np.asarray(values, dtype=np.float32))
         action.publish(table_bytes(table, stamp, ''))
 
@@ -155,8 +156,8 @@ def test_an_action_that_cannot_be_taken_is_ignored(nodes, witness, stage, rate):
         return f'action ignored: an action {words}' in sim.log.read_text()
 
     good = np.zeros((2, len(ACTION)))
-    witness.spin_until(lambda: is_told('holds nan', good * np.nan), 30.0)
-    witness.spin_until(lambda: is_told('has shape', np.zeros((3, len(ACTION)))), 30.0)
+    observer.spin_until(lambda: is_told('holds nan', good * np.nan), 30.0)
+    observer.spin_until(lambda: is_told('has shape', np.zeros((3, len(ACTION)))), 30.0)
     # None of them was a step.
-    assert len(witness.heard.true_cost) == 1
-    witness.spin_until(lambda: act(good) or len(witness.heard.true_cost) > 1, 30.0)
+    assert len(observer.heard.true_cost) == 1
+    observer.spin_until(lambda: act(good) or len(observer.heard.true_cost) > 1, 30.0)

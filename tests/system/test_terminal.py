@@ -10,14 +10,14 @@ from occ_constraints_pkg.rules.constraints_file import Constraints
 
 
 @pytest.fixture
-def hears(witness):
+def hears(observer):
     """Return a function that waits until a node has told something, and returns its lines."""
 
     def wait(process, *words):
         def lines():
             return process.log.read_text().splitlines()
 
-        witness.spin_until(lambda: all(any(w in line for line in lines()) for w in words), 30.0)
+        observer.spin_until(lambda: all(any(w in line for line in lines()) for w in words), 30.0)
         return lines()
 
     return wait
@@ -54,24 +54,24 @@ def speed_rules(tmp_path):
     return path
 
 
-def test_a_monitor_tells_from_its_start_to_each_change(nodes, witness, hears, speed_rules):
+def test_a_monitor_tells_from_its_start_to_each_change(nodes, observer, hears, speed_rules):
     from nav_msgs.msg import Odometry
     from occ_constraints_pkg.ros.qos import LATCHED
     from std_msgs.msg import String
 
     monitor = nodes.start('monitor', timeout=0.5)
     hears(monitor, 'waiting for rules on /constraints')
-    offer = witness.node.create_publisher(String, 'constraints', LATCHED)
+    offer = observer.node.create_publisher(String, 'constraints', LATCHED)
     text = speed_rules.read_text()
     offer.publish(String(data=text.replace('unit: m/s', 'unit: km/h', 1)))
     hears(monitor, 'rule set refused, the one before stays: topic constraints: features[0].unit')
     offer.publish(String(data=text))
     hears(monitor, 'from topic constraints, rule set', 'UNKNOWN: nobody publishes odom')
-    odom = witness.node.create_publisher(Odometry, 'odom', 10)
+    odom = observer.node.create_publisher(Odometry, 'odom', 10)
     message = Odometry()
 
     def drive(speed):
-        message.header.stamp = witness.node.get_clock().now().to_msg()
+        message.header.stamp = observer.node.get_clock().now().to_msg()
         message.twist.twist.linear.x = speed
         odom.publish(message)
 
@@ -80,7 +80,7 @@ def test_a_monitor_tells_from_its_start_to_each_change(nodes, witness, hears, sp
             drive(speed)
             return words in monitor.log.read_text()
 
-        witness.spin_until(told, 30.0)
+        observer.spin_until(told, 30.0)
 
     driven(0.25, 'SAFE, margin 0.75')
     driven(1.5, 'VIOLATED: FAST: speed above 1 m/s (speed = 1.5)')
@@ -90,7 +90,7 @@ def test_a_monitor_tells_from_its_start_to_each_change(nodes, witness, hears, sp
         assert counted(lines, words) == 1, lines
     for number in range(400):
         drive(1.5 * (number % 2))
-        witness.spin(0.005)
+        observer.spin(0.005)
     lines = monitor.log.read_text().splitlines()
     assert counted(lines, 'SAFE') + counted(lines, 'VIOLATED') < 12, lines
 
@@ -133,7 +133,7 @@ def test_a_second_node_of_the_same_name_is_warned_of_on_both_sides(nodes, hears)
 
 
 def test_a_disk_without_room_for_counters_stops_no_monitor(
-    nodes, witness, hears, speed_rules, tmp_path
+    nodes, observer, hears, speed_rules, tmp_path
 ):
     # What nothing can be written into, until it makes room.
     blocked = tmp_path / 'blocked'
@@ -142,7 +142,7 @@ def test_a_disk_without_room_for_counters_stops_no_monitor(
         'monitor', constraints_file=speed_rules, counts_file=blocked / 'counts.json'
     )
     hears(monitor, 'counters are not kept: cannot write', 'UNKNOWN: nobody publishes odom')
-    witness.spin(2.5)
+    observer.spin(2.5)
     assert monitor.is_running
     blocked.unlink()
     lines = hears(monitor, 'counters are kept again')
@@ -151,13 +151,13 @@ def test_a_disk_without_room_for_counters_stops_no_monitor(
 
 
 def test_damaged_counters_stop_no_monitor_and_are_kept_beside(
-    nodes, witness, hears, speed_rules, tmp_path
+    nodes, observer, hears, speed_rules, tmp_path
 ):
     counts = tmp_path / 'counts.json'
     counts.write_text('{"format": "occ_con')
     monitor = nodes.start('monitor', constraints_file=speed_rules, counts_file=counts)
     hears(monitor, 'not a file of rule counters', 'UNKNOWN: nobody publishes odom')
-    witness.spin_until(lambda: (tmp_path / 'counts.json.damaged').exists(), 10.0)
-    witness.spin_until(counts.exists, 10.0)
+    observer.spin_until(lambda: (tmp_path / 'counts.json.damaged').exists(), 10.0)
+    observer.spin_until(counts.exists, 10.0)
     assert (tmp_path / 'counts.json.damaged').read_text() == '{"format": "occ_con'
     assert json.loads(counts.read_text())['rules']['FAST']['evaluated'] == 0

@@ -20,10 +20,10 @@ ROBOTS = 8
 
 
 def test_training_goes_on_when_a_monitor_sleeps_and_when_the_simulation_starts_anew(
-    nodes, witness, rules_of
+    nodes, observer, rules_of
 ):
     pytest.importorskip('torch', reason="needs the extra 'train'")
-    from occ_constraints_pkg.demo.observer import ALL, Witness
+    from occ_constraints_pkg.demo.observer import ALL, Observer
     from occ_constraints_pkg.ros.messages import to_nanoseconds
     from sensor_msgs.msg import PointCloud2
 
@@ -47,7 +47,7 @@ def test_training_goes_on_when_a_monitor_sleeps_and_when_the_simulation_starts_a
         stamp = to_nanoseconds(message.header.stamp)
         done[stamp] = (table.column('terminated') > 0) | (table.column('truncated') > 0)
 
-    witness.node.create_subscription(PointCloud2, 'observation', on_observation, ALL)
+    observer.node.create_subscription(PointCloud2, 'observation', on_observation, ALL)
     log = output / 'metrics.jsonl'
 
     def updates():
@@ -59,20 +59,20 @@ def test_training_goes_on_when_a_monitor_sleeps_and_when_the_simulation_starts_a
         A listener that comes now hears nothing but that. Messages come in order, so whoever has
         heard it as well has heard all before.
         """
-        with Witness(nodes.domain) as late:
+        with Observer(nodes.domain) as late:
             late.spin_until(lambda: late.heard.true_cost, 30.0)
             last = next(iter(late.heard.true_cost))
-        witness.spin_until(lambda: last in done, 30.0)
+        observer.spin_until(lambda: last in done, 30.0)
 
-    witness.spin_until(lambda: len(updates()) >= 2, 60.0)
+    observer.spin_until(lambda: len(updates()) >= 2, 60.0)
     monitor.send_signal(signal.SIGSTOP)
     asleep = time.monotonic()
-    witness.spin_until(lambda: time.monotonic() > asleep + 2.0, 3.0)
+    observer.spin_until(lambda: time.monotonic() > asleep + 2.0, 3.0)
     before = len(updates())
     monitor.send_signal(signal.SIGCONT)
-    witness.spin_until(lambda: len(updates()) >= before + 2, 60.0)
+    observer.spin_until(lambda: len(updates()) >= before + 2, 60.0)
     # The simulation said its last step again and again; one answer was enough.
-    assert witness.heard.duplicates >= 1
+    assert observer.heard.duplicates >= 1
 
     # Of a simulation that ends in mid-step, the last messages may never come.
     monitor.send_signal(signal.SIGSTOP)
@@ -81,7 +81,7 @@ def test_training_goes_on_when_a_monitor_sleeps_and_when_the_simulation_starts_a
     monitor.send_signal(signal.SIGCONT)
     before = len(updates())
     nodes.start('sim', **parameters)
-    witness.spin_until(lambda: len(updates()) >= before + 2, 60.0)
+    observer.spin_until(lambda: len(updates()) >= before + 2, 60.0)
     nodes.stop(learner, number=signal.SIGTERM)
     hear_all()
 
@@ -97,7 +97,7 @@ def test_training_goes_on_when_a_monitor_sleeps_and_when_the_simulation_starts_a
 
 
 @pytest.mark.slow
-def test_training_survives_the_death_of_any_node(nodes, witness, rules_of):
+def test_training_survives_the_death_of_any_node(nodes, observer, rules_of):
     """Each is killed with SIGKILL and started again; the learner goes on from its checkpoint."""
     pytest.importorskip('torch', reason="needs the extra 'train'")
     from occ_constraints_pkg.agents.training import read_metrics
@@ -118,30 +118,30 @@ def test_training_survives_the_death_of_any_node(nodes, witness, rules_of):
         running[name].send_signal(signal.SIGKILL)
         running[name].join()
 
-    witness.spin_until(lambda: len(updates()) >= 2 and kept.exists(), 60.0)
+    observer.spin_until(lambda: len(updates()) >= 2 and kept.exists(), 60.0)
     learner = running['constrained_learner']
 
     kill('monitor')
-    witness.spin_until(lambda: 'there is no monitor' in learner.log.read_text(), 30.0)
+    observer.spin_until(lambda: 'there is no monitor' in learner.log.read_text(), 30.0)
     before = len(updates())
     running['monitor'] = nodes.start('monitor', **parameters['monitor'])
-    witness.spin_until(lambda: len(updates()) >= before + 2, 60.0)
+    observer.spin_until(lambda: len(updates()) >= before + 2, 60.0)
     assert 'counters go on from' in running['monitor'].log.read_text()
 
     kill('sim')
-    witness.spin_until(lambda: 'there is no simulation' in learner.log.read_text(), 30.0)
+    observer.spin_until(lambda: 'there is no simulation' in learner.log.read_text(), 30.0)
     before = len(updates())
     running['sim'] = nodes.start('sim', **parameters['sim'])
-    witness.spin_until(lambda: len(updates()) >= before + 2, 60.0)
+    observer.spin_until(lambda: len(updates()) >= before + 2, 60.0)
     assert 'the simulation has started anew' in learner.log.read_text()
 
     kill('constrained_learner')
     before = updates()[-1]
     # Without a learner the simulation repeats itself, and nothing is counted again.
-    repeats = witness.heard.duplicates
-    witness.spin_until(lambda: witness.heard.duplicates >= repeats + 2, 30.0)
+    repeats = observer.heard.duplicates
+    observer.spin_until(lambda: observer.heard.duplicates >= repeats + 2, 30.0)
     learner = nodes.start('constrained_learner', **parameters['constrained_learner'])
-    witness.spin_until(lambda: updates()[-1] >= before + 2, 60.0)
+    observer.spin_until(lambda: updates()[-1] >= before + 2, 60.0)
     text = learner.log.read_text()
     assert 'training on simple_nav goes on from' in text
     assert 'episodes up to here do not count in the means' in text
@@ -156,7 +156,7 @@ def test_training_survives_the_death_of_any_node(nodes, witness, rules_of):
     # Every state was counted once at most; the last rule tried is reached by the safe ones.
     counts = json.loads(kept.read_text())['rules'].values()
     first = max(item['evaluated'] for item in counts)
-    judged = len(witness.heard.costs) * ROBOTS
+    judged = len(observer.heard.costs) * ROBOTS
     assert steps.sum() / 2 < first <= judged
     # The counters of the whole training decide which rules go.
     pruned = nodes.folder / 'pruned.yaml'
@@ -165,7 +165,7 @@ def test_training_survives_the_death_of_any_node(nodes, witness, rules_of):
     assert max(rule.evaluated for rule in load_constraints(pruned).rule_set.rules) == first
 
 
-def test_the_learner_waits_for_a_monitor_that_knows(nodes, witness, rules_of):
+def test_the_learner_waits_for_a_monitor_that_knows(nodes, observer, rules_of):
     pytest.importorskip('torch', reason="needs the extra 'train'")
     rules, output = nodes.folder / 'rules.yaml', nodes.folder / 'training'
     rules_of['simple_nav'].save(rules)
@@ -180,14 +180,14 @@ def test_the_learner_waits_for_a_monitor_that_knows(nodes, witness, rules_of):
     def says(words):
         return lambda: words in learner.log.read_text()
 
-    witness.spin_until(says('there is no monitor'), 60.0)
+    observer.spin_until(says('there is no monitor'), 60.0)
     monitor = nodes.start('monitor', constraints_file=nodes.folder / 'unknowing.yaml')
-    witness.spin_until(says('the monitor says UNKNOWN of every robot'), 60.0)
+    observer.spin_until(says('the monitor reports UNKNOWN for every robot'), 60.0)
     # Not one action was given.
-    assert len(witness.heard.true_cost) == 1
+    assert len(observer.heard.true_cost) == 1
     nodes.stop(monitor)
     nodes.start('monitor', constraints_file=rules)
-    witness.spin_until((output / 'metrics.jsonl').exists, 60.0)
+    observer.spin_until((output / 'metrics.jsonl').exists, 60.0)
     assert says('training goes on after')()
 
 
@@ -198,7 +198,7 @@ def words_of_refusal(make_nodes, rules_of):
     The training's directory is ``output`` of the function, and is there before.
     """
     pytest.importorskip('torch', reason="needs the extra 'train'")
-    from occ_constraints_pkg.demo.observer import Witness
+    from occ_constraints_pkg.demo.observer import Observer
 
     nodes = make_nodes()
     output, rules = nodes.folder / 'training', nodes.folder / 'rules.yaml'
@@ -209,8 +209,8 @@ def words_of_refusal(make_nodes, rules_of):
         learner = nodes.start('constrained_learner', output=output, rollout_steps=32, **parameters)
         nodes.start('monitor', constraints_file=rules)
         nodes.start('sim', world='simple_nav', num_robots=ROBOTS, wait_for_subscribers=2)
-        with Witness(nodes.domain) as witness:
-            witness.spin_until(lambda: not learner.is_running, 60.0)
+        with Observer(nodes.domain) as observer:
+            observer.spin_until(lambda: not learner.is_running, 60.0)
         assert learner.exit_code == 2
         return learner.last_words()
 

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from occ_constraints_pkg.features.feature_map import load_feature_map
 from occ_constraints_pkg.worlds.highway import Highway, RestrictedHighway
-from occ_constraints_pkg.worlds.highway_demonstrations import traffic_drives
 from occ_constraints_pkg.worlds.highway_features import FAR, NAMES, features
 from occ_constraints_pkg.worlds.highway_scenarios import FULL, RESTRICTED, Scenario, scenario
 from occ_constraints_pkg.worlds.highway_traffic import IDENTITY, LANE, LENGTH, Traffic, X, Y
@@ -165,15 +164,3 @@ def test_a_car_that_keeps_its_lane_and_slows_down_is_truncated_after_40_s():
         assert truncated.any() == (step == 199)
     assert (truncated | terminated).all()
     assert (observation[:, 0] >= -0.5).all()
-
-
-def test_demonstrations_are_drives_of_all_vehicles():
-    values, drives = traffic_drives([0, 1], steps=20)
-    assert values.shape == (2 * 21 * 21, 10)
-    assert values.dtype == np.float32
-    assert (np.bincount(drives) == 21).all()
-    # In the order of time within each drive: positions on the road change little.
-    one = values[drives == 3]
-    assert np.abs(np.diff(one[:, 8])).max() < 2.0
-    space = load_feature_map('highway').space
-    assert ((values >= space.lows) & (values <= space.highs)).all()

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """``python -m occ_constraints_pkg`` is the same as ``occ``."""
 
+import os
 import sys
 from contextlib import nullcontext
 
@@ -9,6 +10,7 @@ from occ_constraints_pkg.stopping import stop_request
 
 # Commands that run a node, which ends cleanly on Ctrl-C, also before it is one.
 _NODES = ('node', 'record', 'play')
+_STOPPED = 130
 
 
 def main() -> int:
@@ -17,7 +19,14 @@ def main() -> int:
     with stop_request.ending_at_once(0) if is_node else nullcontext():
         from occ_constraints_pkg.cli import main as occ
 
-        return occ()
+        code = occ()
+    if code == _STOPPED:
+        # An interrupt that came while a text was executed, as when an import makes a dataclass, is
+        # remembered by CPython though it was handled: at its end it would kill itself by SIGINT.
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+    return code
 
 
 if __name__ == '__main__':

@@ -22,11 +22,11 @@ from ruamel.yaml.events import (
     AliasEvent,
     CollectionEndEvent,
     CollectionStartEvent,
-    Event,
     ScalarEvent,
 )
 from ruamel.yaml.parser import Parser
 from ruamel.yaml.representer import SafeRepresenter
+from ruamel.yaml.scanner import Scanner
 
 from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.files import DOCUMENT_BYTES, read_bytes
@@ -166,9 +166,23 @@ def _dump(plain: Any, *, allow_unicode: bool) -> str:
 class _RefusedError(Exception):
     """A feature of YAML that is not allowed here."""
 
-    def __init__(self, sentence: str, event: Event) -> None:
+    def __init__(self, sentence: str, line: int) -> None:
         super().__init__(sentence)
-        self.line = event.start_mark.line + 1
+        self.line = line + 1
+
+
+class _TooDeepError(_RefusedError):
+    def __init__(self, line: int) -> None:
+        super().__init__(f'nested too deeply; allowed are {_MOST_LEVELS} levels at most', line)
+
+
+class _Scanner(Scanner):
+    """Refuses deep brackets before it looks behind them, which takes the square of their number."""
+
+    def fetch_flow_collection_start(self, *args: Any, **options: Any) -> None:
+        super().fetch_flow_collection_start(*args, **options)
+        if self.flow_level > _MOST_LEVELS:
+            raise _TooDeepError(self.reader.line)
 
 
 class _Parser(Parser):
@@ -182,20 +196,18 @@ class _Parser(Parser):
             raise _RefusedError(
                 f'got the alias *{event.anchor}; write the value out instead, aliases are not '
                 'allowed',
-                event,
+                event.start_mark.line,
             )
         if isinstance(event, ScalarEvent) and _SURROGATE.search(event.value):
             raise _RefusedError(
                 f'got {_show(event.value)}; allowed are whole characters, not halves of a '
                 'surrogate pair',
-                event,
+                event.start_mark.line,
             )
         if isinstance(event, CollectionStartEvent):
             self._levels += 1
             if self._levels > _MOST_LEVELS:
-                raise _RefusedError(
-                    f'nested too deeply; allowed are {_MOST_LEVELS} levels at most', event
-                )
+                raise _TooDeepError(event.start_mark.line)
         elif isinstance(event, CollectionEndEvent):
             self._levels -= 1
         return event
@@ -214,6 +226,7 @@ _Representer.add_representer(str, _Representer.represent_str)
 
 def _yaml() -> YAML:
     yaml = YAML(typ='safe', pure=True)
+    yaml.Scanner = _Scanner
     yaml.Parser = _Parser
     yaml.Representer = _Representer
     yaml.default_flow_style = None

@@ -28,6 +28,13 @@ class OccError(Exception):
     The sentence says what is wrong, where (file, key, topic), what was found and what is allowed.
     The command line prints it without a traceback and exits with code 2. Control characters are
     escaped, so that it stays on one line.
+
+    Example:
+        >>> try:
+        ...     occ.load_feature_map('PointGaol1')
+        ... except occ.OccError as error:
+        ...     print(error)
+        there is no feature map 'PointGaol1'; did you mean 'PointGoal1'? allowed are ...
     """
 
     def __str__(self) -> str:
@@ -35,19 +42,41 @@ class OccError(Exception):
 
 
 class ConfigurationError(OccError, ValueError):
-    """A setting, option, parameter, feature map or constraints file is not allowed as it is."""
+    """A setting, option, parameter, feature map or constraints file is not allowed as it is.
+
+    Example:
+        >>> occ.learn('bags/simple_nav_expert', 'simple_nav', contamination=2.0)
+        Traceback (most recent call last):
+        occ_constraints_pkg.errors.ConfigurationError: ...2.0; allowed is 0 <= contamination < 1
+    """
 
 
 class DataError(OccError, ValueError):
-    """A recording, table or file of results cannot be read, or lacks what is asked of it."""
+    """A recording, table or file of results cannot be read, or lacks what is asked of it.
+
+    Example:
+        >>> occ.learn('bags/simple_nav_expert')
+        Traceback (most recent call last):
+        occ_constraints_pkg.errors.DataError: ... a recording needs a feature map: -m FILE or a name
+    """
 
 
 class InputError(OccError, ValueError):
-    """A message or a topic cannot be used by a running node."""
+    """A message or a topic cannot be used by a running node.
+
+    Example:
+        >>> issubclass(occ.InputError, ValueError)
+        True
+    """
 
 
 class MissingDependencyError(OccError, ImportError):
-    """A required package is not installed; the sentence says how to install it."""
+    """A required package is not installed; the sentence says how to install it.
+
+    Example:
+        >>> issubclass(occ.MissingDependencyError, ImportError)
+        True
+    """
 
 
 def import_needed(what: str, module: str) -> Any:

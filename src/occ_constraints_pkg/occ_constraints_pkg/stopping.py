@@ -8,6 +8,7 @@ import os
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 
 PARENT_VARIABLE = 'OCC_PARENT_PID'
 """Environment variable with a process id: a node, or the training of one
@@ -116,5 +117,10 @@ stop_request = StopRequest()
 
 def parent_is_gone() -> bool:
     """Return whether the process in :data:`PARENT_VARIABLE` is no longer the parent."""
-    parent = os.environ.get(PARENT_VARIABLE)
-    return parent is not None and parent != '' and os.getppid() != int(parent)
+    return _parent() not in (0, os.getppid())
+
+
+@cache
+def _parent() -> int:
+    # Read once, for nodes ask at every message.
+    return int(os.environ.get(PARENT_VARIABLE) or 0)

@@ -92,6 +92,11 @@ class Timeline:
         total = max(sum(times.values()), np.finfo(np.float64).tiny)
         return {name: time / total for name, time in times.items()}
 
+    @property
+    def is_safe(self) -> bool:
+        """Whether every verdict is SAFE and no time without one passed."""
+        return bool((self.judgement.verdict == Verdict.SAFE).all() and not self.silence.any())
+
 
 def make_timeline(
     rule_set: RuleSet,

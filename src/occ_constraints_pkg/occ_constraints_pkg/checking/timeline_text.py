@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from occ_constraints_pkg.checking.early_warning import WarningRecord
+from occ_constraints_pkg.checking.early_warning_text import warnings_document
 from occ_constraints_pkg.checking.timeline import Interval, Timeline
-from occ_constraints_pkg.rules.ruleset import RuleSet
+from occ_constraints_pkg.rules.ruleset import RuleCounts, RuleSet
 from occ_constraints_pkg.rules.verdict import Verdict
 from occ_constraints_pkg.terminal import printable
 from occ_constraints_pkg.wording import count_of
@@ -37,6 +39,35 @@ def describe_timeline(timeline: Timeline, rule_set: RuleSet) -> str:
     if timeline.violations:
         lines += _rule_lines(timeline, rule_set) + _violation_lines(timeline, rule_set)
     return '\n'.join(map(printable, lines))
+
+
+def check_document(
+    timeline: Timeline, rule_set: RuleSet, counts: RuleCounts, warnings: WarningRecord | None
+) -> dict[str, Any]:
+    """Return all that ``occ check`` finds as plain values, ready for JSON.
+
+    Args:
+        timeline: of the verdicts.
+        rule_set: the rules.
+        counts: of these rules on the timeline's samples.
+        warnings: how early violations were warned of, if that was asked for.
+    """
+    verdict, margin = timeline.judgement.verdict, timeline.judgement.margin
+    violated = [
+        {'id': rule.id, 'text': rule.words(rule_set.space), 'violated': int(count)}
+        for rule, count in zip(rule_set.rules, counts.violated, strict=True)
+        if count
+    ]
+    known = verdict != Verdict.UNKNOWN
+    smallest = float(np.nanmin(margin)) if known.any() else np.nan
+    return {
+        'samples': len(timeline.data),
+        'shares': {item.name: float(np.mean(verdict == item)) for item in Verdict},
+        'violated_rules': sorted(violated, key=lambda item: -item['violated']),
+        'smallest_margin': smallest if np.isfinite(smallest) else None,
+        **timeline_document(timeline, rule_set),
+        **({'warnings': warnings_document(warnings, timeline, rule_set)} if warnings else {}),
+    }
 
 
 def timeline_document(timeline: Timeline, rule_set: RuleSet) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command ``occ``: one module for each group of commands.
 
-This module imports next to nothing itself: Ctrl-C and a damaged installation are to be answered in
+This module imports next to nothing itself: Ctrl-C and a damaged installation must be answered in
 one line from the first moment, and importing the commands takes a good part of a second.
 """
 
@@ -11,22 +11,30 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
+from importlib import import_module
 
 from occ_constraints_pkg.terminal import printable
 
 _OLDEST_NUMPY = (1, 26)
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run ``occ``; return 0 (done), 1 (problems were found), 2 (bad input) or 130 (Ctrl-C)."""
+def main(argv: Sequence[str] | None = None, module: str = f'{__name__}.commands') -> int:
+    """Run ``occ``; return 0 (done), 1 (problems were found), 2 (bad input) or 130 (Ctrl-C).
+
+    Args:
+        argv: the arguments; default: those of this process.
+        module: defines the click command ``cli``. The experiments and the benchmarks of a clone
+            are run with commands of their own.
+    """
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    # A program that was started with SIGINT ignored is to go on ignoring it.
+    # A program that was started with SIGINT ignored keeps ignoring it.
     is_interruptible = handlers[signal.SIGINT] is signal.default_int_handler
     try:
         if is_interruptible:
             signal.signal(signal.SIGINT, _leave)
-        run = _load()
+        run = _load(module)
         if is_interruptible:
             signal.signal(signal.SIGINT, interrupt.on_signal)
         return run(argv)
@@ -35,7 +43,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 2
     finally:
         if argv is None and is_interruptible:
-            # All is done and told; Ctrl-C while the interpreter shuts down only makes noise.
+            # All is done and reported; Ctrl-C while the interpreter shuts down only makes noise.
             handlers[signal.SIGINT] = signal.SIG_IGN
         for number, handler in handlers.items():
             signal.signal(number, handler)
@@ -46,7 +54,7 @@ class _DamagedError(Exception):
 
 
 class _Interrupt:
-    """Ctrl-C as an exception that is known again if a library turns it into another one."""
+    """Ctrl-C as an exception that is recognized if a library turns it into another one."""
 
     def __init__(self) -> None:
         self.made = False
@@ -66,7 +74,7 @@ def _leave(_number: int, _frame: object) -> None:
     os._exit(130)
 
 
-def _load():
+def _load(module: str) -> Callable[[Sequence[str] | None], int]:
     """Import the commands; return the function that runs one.
 
     Raises:
@@ -85,10 +93,12 @@ def _load():
             'pip install --upgrade numpy'
         )
     try:
-        from occ_constraints_pkg.cli.commands import run_command
+        from occ_constraints_pkg.cli.ending import run_command
+
+        command = import_module(module).cli
     except ImportError as error:
         raise _DamagedError(damage(error.name or '', error)) from error
-    return run_command
+    return partial(run_command, command)
 
 
 def damage(package: str, error: Exception) -> str:

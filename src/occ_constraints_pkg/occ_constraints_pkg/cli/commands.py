@@ -1,95 +1,69 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""The commands together, and how a run of one ends: its exit code and the sentence of an error."""
+"""The commands of ``occ`` in the groups that its help shows."""
 
 from __future__ import annotations
-
-import errno
-import sys
-from collections.abc import Sequence
 
 import click
 
 import occ_constraints_pkg
-from occ_constraints_pkg.cli import damage, interrupt
-from occ_constraints_pkg.cli.common import discard, help_without_command, tell
-from occ_constraints_pkg.cli.demo_and_bench import bench, demo
-from occ_constraints_pkg.cli.drive import drive
-from occ_constraints_pkg.cli.experiments import experiment
-from occ_constraints_pkg.cli.export import export
-from occ_constraints_pkg.cli.features import features
+from occ_constraints_pkg.cli.common import help_without_command
 from occ_constraints_pkg.cli.learning import learn
-from occ_constraints_pkg.cli.nodes import node, play, record
-from occ_constraints_pkg.cli.rules import check, prune, score, show, simplify
-from occ_constraints_pkg.cli.traffic import import_
-from occ_constraints_pkg.cli.training import evaluate, train
-from occ_constraints_pkg.errors import ConfigurationError, missing_extra
+from occ_constraints_pkg.cli.nodes import demo, node
+from occ_constraints_pkg.cli.recordings import features, import_, play, record
+from occ_constraints_pkg.cli.rules import check, export, prune, score, show, simplify
+from occ_constraints_pkg.cli.simulation import drive, evaluate, train
+
+_GROUPS = {
+    'Rules': (learn, show, check, score, prune, simplify, export),
+    'Recordings': (features, record, play, import_),
+    'Nodes': (node, demo),
+    'Simulation': (train, evaluate, drive),
+}
 
 
-def run_command(argv: Sequence[str] | None = None) -> int:
-    """Run a command; return its exit code, see :func:`occ_constraints_pkg.cli.main`."""
-    try:
-        code = cli.main(args=None if argv is None else list(argv), standalone_mode=False)
-        return code if isinstance(code, int) else 0
-    except (click.Abort, KeyboardInterrupt):
-        return _stopped()
-    except SystemExit:
-        # This is how click says that the reader of a help text has gone, as in `occ --help | head`.
-        discard(sys.stdout)
-        return 0
-    except Exception as error:
-        if interrupt.made:
-            # Ctrl-C in the middle of what an import or a callback turned into another error.
-            return _stopped()
-        sentence = _sentence(error)
-        if sentence is None:
-            raise
-        tell(f'error: {sentence}')
-        return 2
+class _GroupedCommands(click.Group):
+    """Lists the commands by group, and says where those that moved have gone."""
+
+    def format_commands(self, _context: click.Context, formatter: click.HelpFormatter) -> None:
+        width = max(map(len, self.commands))
+        for title, commands in _GROUPS.items():
+            with formatter.section(title):
+                formatter.write_dl(
+                    [
+                        (f'{command.name:<{width}}', command.get_short_help_str(formatter.width))
+                        for command in commands
+                    ]
+                )
+
+    def resolve_command(
+        self, context: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        name, *rest = args
+        new = {'bench': 'benchmarks', 'experiment': 'experiments'}.get(name)
+        if new is not None:
+            chosen = rest[0] if rest and not rest[0].startswith('-') else 'NAME'
+            if (name, chosen) == ('experiment', 'depth'):
+                raise click.UsageError("'occ experiment depth' is now 'occ learn --compare-depths'")
+            raise click.UsageError(
+                f"'occ {name} {chosen}' is now 'python -m {new} {chosen}' in a clone of the "
+                'repository'
+            )
+        return super().resolve_command(context, args)
 
 
-def _stopped() -> int:
-    tell('stopped')
-    return 130
-
-
-def _sentence(error: Exception) -> str | None:
-    """Return what to say of an error; None where it is a mistake of this program."""
-    match error:
-        case ConfigurationError():
-            return str(error)
-        case click.ClickException():
-            context = getattr(error, 'ctx', None)
-            hint = f"; see '{context.command_path} --help'" if context else ''
-            return f'{error.format_message().rstrip(".")}{hint}'
-        case MemoryError():
-            return 'there is not enough memory for this'
-        case OSError() if error.errno in (errno.ENOSPC, errno.EIO) and error.filename is None:
-            # Of the standard output, which click writes help to.
-            discard(sys.stdout)
-            return f'cannot write: {error.strerror}'
-        case OSError():
-            where = '' if error.filename is None else f' {error.filename}'
-            return f'cannot use{where}: {error.strerror or error}'
-        case ImportError() if told := missing_extra('the command', error):
-            return str(told)
-        case ImportError() if not (error.name or '').startswith(occ_constraints_pkg.__name__):
-            return damage(error.name or '', error)
-    return None
-
-
-@click.group(invoke_without_command=True, context_settings={'help_option_names': ['-h', '--help']})
+@click.group(
+    cls=_GroupedCommands,
+    invoke_without_command=True,
+    context_settings={'help_option_names': ['-h', '--help']},
+)
 @click.version_option(occ_constraints_pkg.__version__)
 @click.pass_context
 def cli(context: click.Context) -> None:
-    """Learn a robot's safety constraints from demonstrations, monitor them, train within them."""
+    """Learn a robot's safety constraints, monitor them, train within them."""
     help_without_command(context)
 
 
-for _command in (
-    *(features, learn, show, check, score, prune, simplify, export),
-    *(train, evaluate, drive),
-    *(node, record, play, import_),
-    *(demo, bench, experiment),
-):
-    cli.add_command(_command)
+for _commands in _GROUPS.values():
+    for _command in _commands:
+        cli.add_command(_command)

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""What commands share: options, progress, warnings, JSON."""
+"""What commands share: options, reading of data, progress, output."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import math
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any, TextIO
 
@@ -45,6 +45,32 @@ class Seconds(click.FloatRange):
         return seconds
 
 
+def named_options() -> set[str]:
+    """Return the names of the parameters that stand on the command line of the present command."""
+    context = click.get_current_context()
+    return {
+        name
+        for name in context.params
+        if context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE
+    }
+
+
+def refuse_options(names: Iterable[str], why: str) -> None:
+    """Refuse options that would do nothing: whoever gave one expects another result.
+
+    Args:
+        names: of their parameters.
+        why: the end of the sentence, after the option.
+
+    Raises:
+        OccError: one of them was given.
+    """
+    given = named_options()
+    for parameter in click.get_current_context().command.params:
+        if parameter.name in given.intersection(names):
+            raise ConfigurationError(f'{parameter.opts[-1]} {why}')
+
+
 def end_tidily() -> None:
     """Let SIGTERM do what Ctrl-C does: a training is saved, the nodes of a demo are ended."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
@@ -66,13 +92,13 @@ def needed_cost(data: Any, paths: tuple[str, ...]) -> Any:
     if data.true_cost is None:
         raise ConfigurationError(
             f'{", ".join(paths)}: no true cost to score on; needed is a column true_cost in the '
-            'pace topic of a recording, or cost or true_cost in a table'
+            'trigger topic of a recording (pace), or cost or true_cost in a table'
         )
     return data.true_cost
 
 
 def say(sentence: str) -> None:
-    """Print one line on stdout, whatever stands in the sentence.
+    """Print one line on stdout, whatever is in the sentence.
 
     Raises:
         OccError: it cannot be written.
@@ -84,7 +110,7 @@ def say_lines(text: str, *, nl: bool = True) -> None:
     """Print text of several lines on stdout; other control characters are written out.
 
     When the reader has gone, as in ``occ check | head``, the rest is dropped: what the command
-    found is still told by its exit code.
+    found is still reported by its exit code.
 
     Raises:
         OccError: it cannot be written.
@@ -100,8 +126,8 @@ def say_lines(text: str, *, nl: bool = True) -> None:
         ) from error
 
 
-def tell(sentence: str) -> None:
-    """Print one line on stderr, whatever stands in the sentence."""
+def report(sentence: str) -> None:
+    """Print one line on stderr, whatever is in the sentence."""
     try:
         click.echo(printable(sentence), err=True)
     except OSError:
@@ -123,7 +149,7 @@ def help_without_command(context: click.Context) -> None:
 
 def warn(sentence: str) -> None:
     """Print a warning on stderr."""
-    tell(f'warning: {sentence}')
+    report(f'warning: {sentence}')
 
 
 def checked_cost_limit(_context: Any, _parameter: Any, text: str) -> float | str:

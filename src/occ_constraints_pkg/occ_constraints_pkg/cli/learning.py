@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import click
@@ -13,22 +14,37 @@ from occ_constraints_pkg.cli.common import (
     FEATURE_MAP_HELP,
     JSON,
     OVERWRITE,
+    needed_cost,
     print_json,
     progress_bar,
+    refuse_options,
     say,
     say_lines,
     warn,
 )
 from occ_constraints_pkg.cli.tree_options import seed_option, tree_options, tree_settings
-from occ_constraints_pkg.files import CONSTRAINTS, check_outputs
-from occ_constraints_pkg.learning.rules_text import describe_promise, describe_rules
-from occ_constraints_pkg.wording import count_of
+from occ_constraints_pkg.errors import import_needed
+from occ_constraints_pkg.files import (
+    CONSTRAINTS,
+    RESULTS,
+    check_outputs,
+    make_directory,
+    write_text,
+)
+from occ_constraints_pkg.learning.rules_text import describe_learned, learned_document
+from occ_constraints_pkg.learning.settings import OCTreeSettings
 
 
 @click.command()
 @DATA
 @click.option('-m', '--map', 'map_name', help=f'{FEATURE_MAP_HELP} Recordings need one.')
-@click.option('-o', '--output', default='constraints.yaml', show_default=True, type=click.Path())
+@click.option(
+    '-o',
+    '--output',
+    type=click.Path(),
+    help='File to write; default: constraints.yaml. With --compare-depths a directory; default: '
+    'results.',
+)
 @tree_options
 @click.option(
     '--false-alarm',
@@ -44,34 +60,61 @@ from occ_constraints_pkg.wording import count_of
     help='With --false-alarm: episodes known to be safe, instead of held-out ones; may be '
     'repeated.',
 )
+@click.option(
+    '--compare-depths',
+    is_flag=True,
+    help='Show the rules of every depth instead of writing a constraints file; writes depth.json '
+    'and depth.png.',
+)
+@click.option(
+    '--score',
+    'scored',
+    multiple=True,
+    metavar='DATA',
+    type=click.Path(),
+    help='With --compare-depths: recording or table with the true cost, to score each depth on; '
+    'may be repeated.',
+)
 @seed_option
 @OVERWRITE
 @JSON
 def learn(
     paths: tuple[str, ...],
     map_name: str | None,
-    output: str,
+    output: str | None,
     false_alarm: float | None,
     calibrate_on: tuple[str, ...],
+    compare_depths: bool,
+    scored: tuple[str, ...],
     seed: int,
     overwrite: bool,
     as_json: bool,
     **tree: Any,
 ) -> None:
-    """Learn constraints from safe driving: recordings, or tables (.npz, .csv, .parquet).
+    """Learn constraints from safe demonstrations.
+
+    DATA are recordings, or tables (.npz, .csv, .parquet).
 
     \b
     Example: occ learn bags/safe_drive_1 bags/safe_drive_2 -m my_robot.yaml -o constraints.yaml
+             occ learn bags/safe_drive_* -m my_robot.yaml --alpha 0.5 --compare-depths -o results
     """
+    settings = tree_settings(**tree)
+    if compare_depths:
+        refuse_options(
+            ('false_alarm', 'calibrate_on', 'overwrite'), 'has no effect with --compare-depths'
+        )
+        _compare_depths(paths, map_name, scored, output or 'results', settings, seed, as_json)
+        return
+    refuse_options(('scored',), 'needs --compare-depths')
     import numpy as np
 
     from occ_constraints_pkg.datasets.demonstrations import learn_from_files
     from occ_constraints_pkg.features.feature_map import load_feature_map
     from occ_constraints_pkg.learning.guarantee import loss_words
-    from occ_constraints_pkg.learning.simplification import size
     from occ_constraints_pkg.rules.constraints_file import save_learned
 
-    settings = tree_settings(**tree)
+    output = output or 'constraints.yaml'
     check_outputs({output: CONSTRAINTS}, [*paths, *calibrate_on, *([map_name] if map_name else [])])
     warnings: list[str] = []
     with progress_bar('reading') as progress:
@@ -86,48 +129,61 @@ def learn(
             warn=warnings.append,
         )
     save_learned(constraints, output, overwrite=overwrite)
-    coverage = constraints.coverage
-    calibration = constraints.learner.get('calibration')
-    rules, literals = size(constraints.rule_set)
-    extracted_rules = constraints.learner['extracted_rules']
-    extracted_literals = constraints.learner['extracted_literals']
-    if calibration and calibration['vanished']:
-        warnings.append(loss_words(calibration))
+    if loss := loss_words(constraints.learner.get('calibration')):
+        warnings.append(loss)
     for sentence in warnings:
         warn(sentence)
     if as_json:
-        print_json(
-            {
-                'output': output,
-                'rules': rules,
-                'literals': literals,
-                'extracted_rules': extracted_rules,
-                'extracted_literals': extracted_literals,
-                **coverage,
-                **({'calibration': calibration} if calibration else {}),
-                'warnings': warnings,
-            }
-        )
+        print_json({'output': output, **learned_document(constraints), 'warnings': warnings})
         return
-    say_lines(describe_rules(constraints))
-    before = f'{count_of(extracted_rules, "rule")} with {count_of(extracted_literals, "literal")}'
-    say('')
-    if settings.full_conditions:
-        say(f'{before}, not simplified')
-    elif (rules, literals) == (extracted_rules, extracted_literals):
-        say(f'{before}; there was nothing to simplify')
-    else:
-        say(f'Simplified from {before} to {rules} with {literals}')
-    say(
-        f'Inside the safe set: {coverage["training"]:.2%} of '
-        f'{count_of(coverage["training_samples"], "training sample")}'
-        + (
-            ''
-            if coverage['held_out'] is None
-            else f', {coverage["held_out"]:.2%} of {coverage["held_out_samples"]} samples of '
-            f'{count_of(coverage["held_out_episodes"], "held-out episode")}'
-        )
-    )
-    if calibration:
-        say(describe_promise(constraints))
+    say_lines(describe_learned(constraints))
     say(f'Written to {output}')
+
+
+def _compare_depths(
+    paths: tuple[str, ...],
+    map_name: str | None,
+    scored: tuple[str, ...],
+    output: str,
+    settings: OCTreeSettings,
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Learn once and show the rules of every depth, each as --depth would give them."""
+    import numpy as np
+
+    from occ_constraints_pkg.datasets.demonstrations import read_demonstrations
+    from occ_constraints_pkg.features.feature_map import load_feature_map
+    from occ_constraints_pkg.learning.depths import ablate_depth, depths_document, describe_depths
+
+    # Needed at the end only, but a missing module must show now.
+    picture = import_needed(
+        'occ learn --compare-depths', 'occ_constraints_pkg.learning.depths_picture'
+    )
+    feature_map = None if map_name is None else load_feature_map(map_name)
+    truth = None
+    with progress_bar('reading') as progress:
+        data, space = read_demonstrations(paths, feature_map, progress=progress)
+    if scored:
+        with progress_bar('reading') as progress:
+            judged, _ = read_demonstrations(scored, feature_map, space, progress=progress)
+        truth = judged.values, needed_cost(judged, scored)
+    with progress_bar('depths') as progress:
+        results = ablate_depth(
+            data.values,
+            data.episodes,
+            space,
+            settings,
+            rng=np.random.default_rng(seed),
+            truth=truth,
+            progress=progress,
+        )
+    folder = make_directory(output)
+    document = depths_document(results)
+    write_text(folder / 'depth.json', RESULTS, json.dumps(document, indent=2) + '\n')
+    picture.draw_depths(folder / 'depth.png', results)
+    if as_json:
+        print_json(document)
+        return
+    say_lines(describe_depths(results))
+    say(f'Written to {folder / "depth.json"} and {folder / "depth.png"}')

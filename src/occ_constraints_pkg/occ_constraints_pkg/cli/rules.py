@@ -1,10 +1,12 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Commands on a constraints file: ``occ show``, ``check``, ``score``, ``prune``, ``simplify``."""
+"""Commands on a constraints file: ``occ show``, ``check``, ``score``, ``prune``, ...."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -14,8 +16,8 @@ from occ_constraints_pkg.cli.common import (
     JSON,
     OVERWRITE,
     Seconds,
+    help_without_command,
     needed_cost,
-    number,
     print_json,
     progress_bar,
     read_data,
@@ -25,21 +27,32 @@ from occ_constraints_pkg.cli.common import (
 )
 from occ_constraints_pkg.errors import ConfigurationError, import_needed
 from occ_constraints_pkg.features.lateness import MAX_LAG_SECONDS
-from occ_constraints_pkg.files import CONSTRAINTS, PICTURE, check_outputs
+from occ_constraints_pkg.files import C_HEADER, CONSTRAINTS, PICTURE, check_outputs, write_text
 from occ_constraints_pkg.learning.evidence import describe_why, why_document
-from occ_constraints_pkg.learning.rules_text import describe_promise, describe_rules
+from occ_constraints_pkg.learning.rules_text import (
+    describe_file,
+    describe_rules,
+    file_document,
+)
+from occ_constraints_pkg.learning.scoring import describe_score, score_document
 from occ_constraints_pkg.rules.forecast import WINDOW_SECONDS
+from occ_constraints_pkg.terminal import printable
 from occ_constraints_pkg.traffic.rules_text import rule_rows, rules_table
 from occ_constraints_pkg.wording import count_of
 
+_FILE = click.argument('constraints', type=click.Path())
+_OUTPUT = click.option(
+    '-o', '--output', type=click.Path(), help='File to write; default: in place.'
+)
+
 
 @click.command()
-@click.argument('constraints', type=click.Path())
-@click.option('--why', metavar='RULE', help='Show which demonstrations this rule rests on.')
-@click.option('--traffic', is_flag=True, help='Say what rules for cars mean in traffic.')
+@_FILE
+@click.option('--why', metavar='RULE', help='Show the evidence for this rule.')
+@click.option('--traffic', is_flag=True, help='Explain rules for cars in terms of traffic.')
 @JSON
 def show(constraints: str, why: str | None, traffic: bool, as_json: bool) -> None:
-    """Print the rules of a constraints file in words, or why one of them is there.
+    """Print the rules of a constraints file, or the evidence for one.
 
     \b
     Example: occ show constraints.yaml
@@ -49,35 +62,18 @@ def show(constraints: str, why: str | None, traffic: bool, as_json: bool) -> Non
     if why is not None and traffic:
         raise ConfigurationError('got both --why and --traffic; allowed is one of them')
     from occ_constraints_pkg.rules.constraints_file import load_constraints
-    from occ_constraints_pkg.rules.listing import rules_document
 
     loaded = load_constraints(constraints)
-    rule_set = loaded.rule_set
+    rules, space = loaded.rule_set.rules, loaded.rule_set.space
     if why is not None:
         document = why_document(loaded, why)
-        if as_json:
-            print_json(document)
-        else:
-            say_lines(describe_why(document))
-        return
-    if traffic:
-        if as_json:
-            print_json({'rules': rule_rows(rule_set.rules, rule_set.space)})
-        else:
-            say_lines(rules_table(rule_set.rules, rule_set.space))
-        return
-    if as_json:
-        document = rules_document(rule_set)
-        for entry, rule in zip(document['rules'], rule_set.rules, strict=True):
-            entry.update(evaluated=rule.evaluated, violated=rule.violated)
-        calibration = loaded.learner.get('calibration')
-        print_json({**document, 'edited': loaded.is_edited, 'calibration': calibration})
-        return
-    say_lines(describe_rules(loaded, counters=True))
-    promise = describe_promise(loaded)
-    if promise:
-        say('')
-        say(promise)
+        _print(as_json, lambda: document, lambda: describe_why(document))
+    elif traffic:
+        _print(
+            as_json, lambda: {'rules': rule_rows(rules, space)}, lambda: rules_table(rules, space)
+        )
+    else:
+        _print(as_json, lambda: file_document(loaded), lambda: describe_file(loaded))
 
 
 @click.command()
@@ -94,15 +90,15 @@ def show(constraints: str, why: str | None, traffic: bool, as_json: bool) -> Non
     default=TIMEOUT_SECONDS,
     show_default=True,
     type=Seconds(),
-    help='Seconds that a verdict stands without new input; after that the time is UNKNOWN.',
+    help='Seconds that a verdict is valid without new input; after that the time is UNKNOWN.',
 )
 @click.option(
     '--max-lag',
     default=MAX_LAG_SECONDS,
     show_default=True,
     type=Seconds(above_zero=False),
-    help='Seconds that messages may come late, by log times and stamps, until the verdict is '
-    'UNKNOWN; 0: any.',
+    help='Largest lag of messages, by log times and stamps, beyond which the verdict is UNKNOWN; '
+    '0: any.',
 )
 @click.option(
     '--bridge',
@@ -117,14 +113,14 @@ def show(constraints: str, why: str | None, traffic: bool, as_json: bool) -> Non
     'horizon',
     metavar='SECONDS',
     type=Seconds(),
-    help='Tell how early a monitor would have warned, if it does within so many seconds.',
+    help='Report how early a monitor would have warned, with warnings up to this time ahead.',
 )
 @click.option(
     '--warning-window',
     default=WINDOW_SECONDS,
     show_default=True,
     type=Seconds(),
-    help='For --warn: seconds over which rates of change are looked for.',
+    help='With --warn: seconds over which rates of change are estimated.',
 )
 @OVERWRITE
 @JSON
@@ -141,7 +137,7 @@ def check(
     overwrite: bool,
     as_json: bool,
 ) -> int:
-    """Judge recordings or tables by a constraints file: when is which rule violated, how far.
+    """Find when recordings or tables violate which rule, by how much.
 
     Times are seconds since the recording's first message. Exit code 1 when not all is SAFE.
 
@@ -149,12 +145,10 @@ def check(
     Example: occ check bags/drive_7 -c constraints.yaml --plot drive_7.png
              occ check bags/drive_7 -c constraints.yaml --warn 1
     """
-    import numpy as np
-
     from occ_constraints_pkg.checking.early_warning import warning_record
-    from occ_constraints_pkg.checking.early_warning_text import describe_warnings, warnings_document
-    from occ_constraints_pkg.checking.timeline_text import describe_timeline, timeline_document
-    from occ_constraints_pkg.rules import Judgement, RuleCounts, Verdict
+    from occ_constraints_pkg.checking.early_warning_text import describe_warnings
+    from occ_constraints_pkg.checking.timeline_text import check_document, describe_timeline
+    from occ_constraints_pkg.rules import Judgement, RuleCounts
     from occ_constraints_pkg.rules.constraints_file import load_constraints, save_derived
 
     check_outputs(
@@ -191,37 +185,17 @@ def check(
                 bridge=bridge,
                 progress=progress,
             )
-    is_safe = bool((judgement.verdict == Verdict.SAFE).all() and not timeline.silence.any())
     if as_json:
-        broken = [
-            {'id': rule.id, 'text': rule.words(rule_set.space), 'violated': int(violated)}
-            for rule, violated in zip(rule_set.rules, counts.violated, strict=True)
-            if violated
-        ]
-        print_json(
-            {
-                'samples': len(data),
-                'shares': {
-                    verdict.name: float(np.mean(judgement.verdict == verdict))
-                    for verdict in Verdict
-                },
-                'violated_rules': sorted(broken, key=lambda item: -item['violated']),
-                'smallest_margin': number(np.nanmin(judgement.margin))
-                if (judgement.verdict != Verdict.UNKNOWN).any()
-                else None,
-                **timeline_document(timeline, rule_set),
-                **({'warnings': warnings_document(record, timeline, rule_set)} if record else {}),
-            }
-        )
+        print_json(check_document(timeline, rule_set, counts, record))
     else:
         say_lines(describe_timeline(timeline, rule_set))
         if record:
             say_lines(describe_warnings(record))
-    return 0 if is_safe else 1
+    return 0 if timeline.is_safe else 1
 
 
 @click.command()
-@click.argument('constraints', type=click.Path())
+@_FILE
 @DATA
 @click.option('--min-f1', type=click.FloatRange(0.0, 1.0), help='Exit code 1 when F1 is below.')
 @JSON
@@ -234,22 +208,20 @@ def score(constraints: str, paths: tuple[str, ...], min_f1: float | None, as_jso
     \b
     Example: occ score constraints.yaml bags/drive_7 --min-f1 0.9
     """
-    from occ_constraints_pkg.learning.scoring import describe_score, score_document, score_rules
+    from occ_constraints_pkg.learning.scoring import score_rules
     from occ_constraints_pkg.rules.constraints_file import load_constraints
 
     loaded = load_constraints(constraints)
     data = read_data(paths, loaded, constraints)
     result = score_rules(loaded.rule_set, data.values, needed_cost(data, paths))
-    if as_json:
-        print_json(score_document(result, loaded.rule_set.space))
-    else:
-        say_lines(describe_score(result, loaded.rule_set.space))
+    space = loaded.rule_set.space
+    _print(as_json, lambda: score_document(result, space), lambda: describe_score(result, space))
     # Without flagged and costly samples there is no F1, which is not enough either.
     return 0 if min_f1 is None or result.overall.f1 >= min_f1 else 1
 
 
 @click.command()
-@click.argument('constraints', type=click.Path())
+@_FILE
 @click.option(
     '-t',
     '--threshold',
@@ -257,7 +229,7 @@ def score(constraints: str, paths: tuple[str, ...], min_f1: float | None, as_jso
     show_default=True,
     help='Disable rules violated in a smaller share of their evaluations.',
 )
-@click.option('-o', '--output', type=click.Path(), help='File to write; default: in place.')
+@_OUTPUT
 @click.option(
     '--counts', type=click.Path(), help="Counters of a monitor (its counts_file); default: FILE's."
 )
@@ -271,9 +243,10 @@ def prune(
     overwrite: bool,
     as_json: bool,
 ) -> None:
-    """Disable rules that are rarely violated, by the counters in the file.
+    """Disable rules that were rarely violated.
 
-    The counters come from `occ check --count`, from `occ train`, or from a monitor (--counts).
+    The counters in the file come from `occ check --count`, from `occ train`, or from a monitor
+    (--counts).
 
     \b
     Example: occ prune constraints.yaml --threshold 0.001 -o pruned.yaml
@@ -297,6 +270,7 @@ def prune(
             {
                 'output': target,
                 'pruned': result.pruned,
+                # The name is from a time before this project used the words of the field.
                 'untried': result.not_evaluated,
                 'kept': [result.rule_set.rules[i].id for i in result.rule_set.order],
             }
@@ -307,8 +281,8 @@ def prune(
 
 
 @click.command()
-@click.argument('constraints', type=click.Path())
-@click.option('-o', '--output', type=click.Path(), help='File to write; default: in place.')
+@_FILE
+@_OUTPUT
 @click.option(
     '--counted', is_flag=True, help='Also rules with counters; those that change begin at 0.'
 )
@@ -326,6 +300,10 @@ def simplify(
     \b
     Example: occ simplify constraints.yaml -o shorter.yaml
     """
+    from occ_constraints_pkg.learning.simplification import (
+        describe_simplification,
+        simplification_document,
+    )
     from occ_constraints_pkg.learning.simplification import simplify as simplify_rules
     from occ_constraints_pkg.rules.constraints_file import load_constraints, save_derived
 
@@ -337,28 +315,53 @@ def simplify(
     target = output or constraints
     save_derived(simpler, target, overwrite=overwrite, in_place=output is None)
     if as_json:
-        print_json(
-            {
-                'output': target,
-                **dict(zip(('rules_before', 'literals_before'), result.before, strict=True)),
-                **dict(zip(('rules', 'literals'), result.after, strict=True)),
-                'changed': {name: list(former) for name, former in result.changed.items()},
-                'removed': list(result.removed),
-                'kept': list(result.kept),
-            }
-        )
+        print_json({'output': target, **simplification_document(result)})
         return
-    say_lines(describe_rules(simpler))
-    say('')
-    for name, former in result.changed.items():
-        say(f'{name} stands for {", ".join(former)}')
-    if result.removed:
-        say(f'needed no more: {", ".join(result.removed)}')
-    if result.kept:
-        say(f'left alone for their note or counters: {", ".join(result.kept)}')
-    say(
-        f'{count_of(result.before[0], "rule")} with '
-        f'{count_of(result.before[1], "literal")} before, '
-        + '{} with {} after; '.format(*result.after)
-        + f'written to {target}'
+    say_lines(
+        f'{describe_rules(simpler)}\n\n{describe_simplification(result)}; '
+        f'written to {printable(target)}'
     )
+
+
+@click.group(invoke_without_command=True)
+@click.pass_context
+def export(context: click.Context) -> None:
+    """Export rules for programs without this package.
+
+    \b
+    Example: occ export c constraints.yaml -o rules.h
+    """
+    help_without_command(context)
+
+
+@export.command()
+@_FILE
+@click.option('-o', '--output', type=click.Path(), help='File to write; default: stdout.')
+@click.option('--prefix', default='occ', show_default=True, help='Begins every name in the file.')
+def c(constraints: str, output: str | None, prefix: str) -> None:
+    """Write the rules as one C99 header with a function PREFIX_judge.
+
+    It gives the same verdict, rule and margin as the monitor.
+
+    \b
+    Example: occ export c constraints.yaml -o rules.h
+    """
+    from occ_constraints_pkg.rules.constraints_file import load_constraints
+    from occ_constraints_pkg.rules.export_c import export_c
+
+    if output is not None:
+        check_outputs({output: C_HEADER}, [constraints])
+    text = export_c(load_constraints(constraints).rule_set, prefix)
+    if output is None:
+        say_lines(text, nl=False)
+        return
+    write_text(output, C_HEADER, text)
+    say(f'Written to {output}')
+
+
+def _print(as_json: bool, document: Callable[[], dict[str, Any]], text: Callable[[], str]) -> None:
+    """Print a result as JSON or as text, whichever was asked for."""
+    if as_json:
+        print_json(document())
+    else:
+        say_lines(text())

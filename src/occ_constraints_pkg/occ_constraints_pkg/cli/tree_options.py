@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""The tree learner's settings on the command line."""
+"""The options of ``occ learn`` that set the learner."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from occ_constraints_pkg.cli.common import named_options
 from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 
@@ -17,14 +18,14 @@ _OPTIONS = (
         '--depth',
         default=OCTreeSettings.max_depth,
         show_default=True,
-        help='Most levels of splits.',
+        help='Largest depth of the tree.',
     ),
     click.option(
         '--clip',
         default=OCTreeSettings.clip,
         show_default=True,
         type=click.Choice(['mass', 'density']),
-        help='How outliers are cut off per split.',
+        help='How outliers are clipped at each split.',
     ),
     click.option(
         '--contamination',
@@ -99,12 +100,7 @@ def tree_settings(*, faithful: bool, depth: int, **settings: Any) -> OCTreeSetti
         OccError: a value is not allowed, or an option does not go with the others.
     """
     given = OCTreeSettings(max_depth=depth, **settings)
-    context = click.get_current_context()
-    named = {
-        name
-        for name in context.params
-        if context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE
-    }
+    named = named_options()
     if faithful:
         return _article_settings(given, named)
     # What has no effect is refused: whoever gave it expects another result.
@@ -123,7 +119,7 @@ def _article_settings(given: OCTreeSettings, named: set[str]) -> OCTreeSettings:
     """Return the article's settings, but for those named on the command line."""
     if 'contamination' in named or ('clip' in named and given.clip != 'density'):
         raise ConfigurationError(
-            '--faithful clips by density and knows no contamination; allowed beside it are '
+            '--faithful clips by density and has no contamination; allowed beside it are '
             '--depth, --gamma, --alpha, --beta, --min-split and --nu'
         )
     overrides: dict[str, Any] = {

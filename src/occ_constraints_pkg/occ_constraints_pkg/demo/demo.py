@@ -18,7 +18,7 @@ from occ_constraints_pkg.agents.evaluation import evaluate
 from occ_constraints_pkg.agents.policy import GaussianPolicy
 from occ_constraints_pkg.agents.rule_cost import RuleCost
 from occ_constraints_pkg.demo.processes import nodes_running, private_domain
-from occ_constraints_pkg.demo.recordings import record_drives
+from occ_constraints_pkg.demo.recordings import record_episodes
 from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.files import make_directory, set_aside
 from occ_constraints_pkg.rules.constraints_file import Constraints, load_constraints
@@ -58,7 +58,7 @@ def run_demo(output: Path, *, train_seconds: float = 120.0) -> int:
     bag, rules = output / 'demonstrations', output / 'constraints.yaml'
 
     _say(1, 'an expert drives; a recorder node writes its observations to an MCAP bag')
-    record_drives(
+    record_episodes(
         bag,
         output / 'logs' / '1_record',
         domain,
@@ -96,7 +96,7 @@ def run_demo(output: Path, *, train_seconds: float = 120.0) -> int:
 
 def _learn_and_watch(bag: Path, rules: Path, logs: Path, domain: int) -> dict[str, Any]:
     """Run tree_learner and monitor; listen while an unconstrained driver drives."""
-    from occ_constraints_pkg.demo.observer import Witness
+    from occ_constraints_pkg.demo.observer import Observer
     from occ_constraints_pkg.learning.rules_text import describe_rules
 
     nodes = {
@@ -104,16 +104,16 @@ def _learn_and_watch(bag: Path, rules: Path, logs: Path, domain: int) -> dict[st
         'tree_learner': {'bags': [bag], 'feature_map': WORLD, 'output': rules},
         'policy': {'policy': 'straightv', 'wait_for_costs': True},
     }
-    with nodes_running(nodes, logs, domain) as running, Witness(domain) as witness:
+    with nodes_running(nodes, logs, domain) as running, Observer(domain) as observer:
 
         def learned() -> bool:
             _check(running)
             return rules.exists()
 
-        witness.spin_until(learned, _STAGE_SECONDS)
+        observer.spin_until(learned, _STAGE_SECONDS)
         click.echo(_indented(describe_rules(load_constraints(rules))))
         _say(3, 'an unconstrained driver drives; the monitor node judges every state')
-        witness.wait_for_monitor(1)
+        observer.wait_for_monitor(1)
         episode = {
             'sim': {
                 'world': WORLD,
@@ -129,9 +129,9 @@ def _learn_and_watch(bag: Path, rules: Path, logs: Path, domain: int) -> dict[st
                 _check(running)
                 return not simulation['sim'].is_running
 
-            witness.spin_until(over, _STAGE_SECONDS)
+            observer.spin_until(over, _STAGE_SECONDS)
             simulation['sim'].wait(0.0)
-    heard = witness.heard
+    heard = observer.heard
     first = next((item for item in heard.violations.values() if len(item.status) > 1), None)
     return {
         **heard.agreement(),
@@ -201,7 +201,7 @@ def _compare(trained: Path, constraints: Constraints) -> dict[str, dict[str, flo
 
 
 def _prepare(output: Path) -> None:
-    """Make room for a new demo; what an earlier one left, and a person may have edited, is kept."""
+    """Make room for a new demo; what an earlier one left may have been edited and is kept."""
     if output.is_dir() and any(output.iterdir()):
         if not (output / _MARKER).exists():
             raise ConfigurationError(
@@ -213,7 +213,7 @@ def _prepare(output: Path) -> None:
 
 
 def _check(running: dict) -> None:
-    """Raise what a node that has died said last."""
+    """Raise the error of a node that has ended with one."""
     for process in running.values():
         if process.exit_code:
             process.wait(0.0)

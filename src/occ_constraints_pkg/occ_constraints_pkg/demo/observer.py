@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""A bystander that listens to a monitor and compares its verdicts with the simulation's truth."""
+"""An observer that listens to a monitor and compares its verdicts with the simulation's truth."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ from occ_constraints_pkg.errors import ConfigurationError, OccError
 from occ_constraints_pkg.features.table import Table
 from occ_constraints_pkg.learning.scoring import score_flags
 from occ_constraints_pkg.ros.messages import to_nanoseconds
-from occ_constraints_pkg.ros.qos import SETTLED_LOOKS
+from occ_constraints_pkg.ros.qos import SETTLED_CHECKS
 
 _LOOK_SECONDS = 0.05
-# A bystander holds nobody up: while it waits for a process to end, the others go on. Where none of
+# An observer holds nobody up: while it waits for a process to end, the others go on. Where none of
 # their messages may be missed, their publishers must keep as many (``qos_overrides``).
 ALL = QoSProfile(depth=20_000, reliability=ReliabilityPolicy.RELIABLE)
 # A client knows a service before the service knows the client, and an answer sent within that
@@ -74,7 +74,7 @@ class Heard:
         }
 
 
-class Witness:
+class Observer:
     """Subscribes to observation, costs, cost and violation in a ROS context of its own.
 
     Attributes:
@@ -94,7 +94,7 @@ class Witness:
         # Read when the context is made: the nodes it listens to are on this machine.
         os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
         rclpy.init(context=self._context, domain_id=domain)
-        self.node = Node('witness', namespace=namespace, context=self._context)
+        self.node = Node('observer', namespace=namespace, context=self._context)
         self._executor = EventsExecutor(context=self._context)
         self._executor.add_node(self.node)
         for kind, topic, callback in (
@@ -106,7 +106,7 @@ class Witness:
         ):
             self.node.create_subscription(kind, topic, callback, ALL)
 
-    def __enter__(self) -> Witness:
+    def __enter__(self) -> Observer:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -161,7 +161,7 @@ class Witness:
         """
         client = self.node.create_client(kind, service)
         self.spin_until(client.service_is_ready, seconds)
-        self.spin(SETTLED_LOOKS * _LOOK_SECONDS)
+        self.spin(SETTLED_CHECKS * _LOOK_SECONDS)
         end = time.monotonic() + seconds
         futures: list[Future] = []
         while time.monotonic() < end:
@@ -184,7 +184,7 @@ class Witness:
         try:
             true_cost = Table.from_message(message).column('true_cost')
         except OccError:
-            # A bystander does not mind what a robot says that knows no true cost.
+            # A robot without a true cost may be observed as well.
             return
         self.heard.true_cost[to_nanoseconds(message.header.stamp)] = true_cost
 

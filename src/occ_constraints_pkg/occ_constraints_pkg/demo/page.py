@@ -16,7 +16,7 @@ from occ_constraints_pkg.agents.drivers import find_driver
 from occ_constraints_pkg.agents.rule_cost import RuleCost
 from occ_constraints_pkg.agents.training import read_metrics
 from occ_constraints_pkg.datasets.extraction import extract
-from occ_constraints_pkg.demo.pictures import draw_drives, draw_rules
+from occ_constraints_pkg.demo.pictures import draw_rules, draw_trajectories
 from occ_constraints_pkg.features.feature_map import FeatureMap
 from occ_constraints_pkg.files import PAGE, write_text
 from occ_constraints_pkg.rules.constraints_file import Constraints
@@ -53,11 +53,11 @@ def write_demo_page(
         'unconstrained driver': 'straightv',
         'trained with the learned rules': str(output / 'training' / 'policy.npz'),
     }
-    drives = [
+    drivers = [
         (title, find_driver(kind, name, np.random.default_rng(0)), RuleCost(constraints, kind))
         for title, name in names.items()
     ]
-    draw_drives(output / 'drives.png', drives, steps=_DRAWN_STEPS, seed=_DRAWN_SEED)
+    draw_trajectories(output / 'drives.png', drivers, steps=_DRAWN_STEPS, seed=_DRAWN_SEED)
     feature_map = FeatureMap.from_document(constraints.feature_map, 'the constraints')
     data = extract([output / 'demonstrations'], feature_map)
     draw_rules(output / 'rules.png', constraints.rule_set, data.values)
@@ -65,7 +65,7 @@ def write_demo_page(
     draw_training(output / 'training.png', [history], cost_limit, cost_name='learned cost')
 
     rule_set = constraints.rule_set
-    template = resources.files(__package__).joinpath('demo_page.html.j2').read_text('utf-8')
+    template = resources.files(__package__).joinpath('page.html.j2').read_text('utf-8')
     page = output / 'index.html'
     text = (
         Environment(autoescape=True, undefined=StrictUndefined)

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures made with matplotlib."""
+"""The demo's pictures of trajectories and rules."""
 
 from __future__ import annotations
 
@@ -29,20 +29,20 @@ _DOTS_PER_INCH = 110
 _ARENA = 1.5
 
 
-def draw_drives(
-    path: Path, drives: Sequence[tuple[str, Callable, RuleCost]], *, steps: int, seed: int
+def draw_trajectories(
+    path: Path, drivers: Sequence[tuple[str, Callable, RuleCost]], *, steps: int, seed: int
 ) -> None:
     """Draw one robot's path from above for each driver, in the same surroundings.
 
     Args:
         path: PNG file to write.
-        drives: title, driver and cost source of each panel.
+        drivers: title, driver and cost source of each panel.
         steps: number of steps to draw.
         seed: of the surroundings.
     """
-    figure, axes = plt.subplots(1, len(drives), figsize=(4.6 * len(drives), 5.4), squeeze=False)
+    figure, axes = plt.subplots(1, len(drivers), figsize=(4.6 * len(drivers), 5.4), squeeze=False)
     furthest = _ARENA
-    for axis, (title, driver, cost) in zip(axes[0], drives, strict=True):
+    for axis, (title, driver, cost) in zip(axes[0], drivers, strict=True):
         world = PointGoal1(1, processes=1)
         stream = EpisodeStream(world, seed=seed)
         batch = stream.reset()

@@ -97,7 +97,7 @@ class NodeProcess:
 
         Raises:
             OccError: it has not ended in time, or one of them has ended with an error; then the
-                end of that one's output is told.
+                end of that one's output is in the sentence.
         """
         end = time.monotonic() + seconds
         while self.is_running and time.monotonic() < end:
@@ -114,7 +114,7 @@ class NodeProcess:
         """Do nothing unless the node has ended with an error.
 
         Raises:
-            OccError: it has; the end of its output is told.
+            OccError: it has; the end of its output is in the sentence.
         """
         if self.exit_code:
             raise ConfigurationError(

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings of simulated drives, made by the nodes sim, policy and recorder."""
+"""Recordings of simulated episodes, made by the nodes sim, policy and recorder."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from occ_constraints_pkg.demo.processes import nodes_running
 _SECONDS = 300.0
 
 
-def record_drives(
+def record_episodes(
     bag: Path,
     logs: Path,
     domain: int,
@@ -29,8 +29,8 @@ def record_drives(
         logs: directory for what the nodes say.
         domain: ROS domain id.
         world: name of the simulated task.
-        driver: a policy file or the name of a driver; a trained policy explores, as the one whose
-            return and cost are published did.
+        driver: a policy file or the name of a driver; a trained policy explores, as published
+            returns and costs are measured.
         robots: robots that drive at once.
         episodes: episodes of each robot.
         seed: of the simulation and the driver.

@@ -51,6 +51,11 @@ class FeatureMap:
         rate: rows per second instead of a pace topic: the first message in each period gives a
             row. Header stamps tell the time; messages without one give rows only as long as no
             message with one has come.
+
+    Example:
+        >>> feature_map = occ.load_feature_map('simple_nav')
+        >>> print(feature_map.pace, *feature_map.names)
+        observation x y
     """
 
     pace: str
@@ -160,6 +165,10 @@ def load_feature_map(name_or_path: str | Path) -> FeatureMap:
 
     Raises:
         OccError: there is neither such a built-in map nor such a file, or the file is wrong.
+
+    Example:
+        >>> occ.load_feature_map('PointGoal1').topics
+        ('observation',)
     """
     name = str(name_or_path)
     if name in BUILT_IN_MAPS:

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""What a calibration promises about false alarms, as a record and in words."""
+"""What a calibration guarantees about false alarms, as a record and in words."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from occ_constraints_pkg.wording import count_of
+
 CONFIDENCE = 0.9
-"""How sure the statement about this very rule set is; the promise itself is a mean over draws."""
+"""Of the bound for this very rule set; the guarantee itself is a mean over draws."""
 
 # Vanished rules that are named; families have as many as members.
 _MOST_NAMED = 4
@@ -17,7 +19,7 @@ _MOST_NAMED = 4
 
 @dataclass(frozen=True)
 class Calibration:
-    """What was promised, and what it rests on.
+    """What is guaranteed, and what it rests on.
 
     Attributes:
         false_alarm: the stated probability.
@@ -25,13 +27,12 @@ class Calibration:
         rank: which of their scores, in ascending order and from 1 on, is the tolerance.
         margin: the tolerance: how far bounds were moved outward, in units of the margin, that is,
             in parts of each feature's demonstrated range.
-        bound: the probability that is promised, at most the stated one.
-        likely_bound: the rate of alarms of this rule set is at most that, unless the draw of the
-            episodes was among the worst tenth.
+        bound: the guaranteed probability, at most the stated one.
+        likely_bound: 90 % confidence bound on this rule set's own rate of alarms.
         alarms_before: in how many of the episodes there was an alarm before the move.
         alarms_after: the same after it.
-        vanished: rules that went with the move, each as ``ID: words``: their bounds passed a
-            physical limit, or the gap that they flagged closed.
+        vanished: rules dropped by the move, each as ``ID: words``: their bounds passed a physical
+            limit, or the gap that they flagged closed.
     """
 
     false_alarm: float
@@ -50,7 +51,7 @@ class Calibration:
 
 
 def promise_words(calibration: Mapping[str, Any]) -> str:
-    """Return the promise that a constraints file records (see :meth:`Calibration.document`)."""
+    """Return the guarantee that a constraints file records (see :meth:`Calibration.document`)."""
     moved = (
         f'bounds were moved outward by {calibration["margin"]:.3g} of the demonstrated ranges'
         if calibration['margin']
@@ -66,14 +67,14 @@ def promise_words(calibration: Mapping[str, Any]) -> str:
     )
 
 
-def loss_words(calibration: Mapping[str, Any]) -> str:
-    """Return what a calibration took away, in one sentence; empty if no rule vanished."""
-    vanished = list(calibration['vanished'])
+def loss_words(calibration: Mapping[str, Any] | None) -> str:
+    """Return which rules a calibration dropped, in one sentence; empty if none."""
+    vanished = list(calibration['vanished']) if calibration else []
     if not vanished:
         return ''
     more = f' and {len(vanished) - _MOST_NAMED} more' if len(vanished) > _MOST_NAMED else ''
     return (
-        f'{len(vanished)} rules vanished when the bounds were moved, for the episodes that were '
+        f'{count_of(len(vanished), "rule")} dropped when the bounds were moved, for the episodes '
         f'calibrated on go beyond them: {"; ".join(vanished[:_MOST_NAMED])}{more}; to keep them, '
-        'calibrate on episodes known to be safe, or promise a larger probability'
+        'calibrate on episodes known to be safe, or allow a larger probability'
     )

@@ -7,6 +7,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +17,8 @@ from occ_constraints_pkg.learning.tree import Node
 from occ_constraints_pkg.rules.rule import Literal, Rule
 from occ_constraints_pkg.rules.ruleset import RuleSet, rule_ids
 from occ_constraints_pkg.rules.space import FeatureSpace
+from occ_constraints_pkg.terminal import printable
+from occ_constraints_pkg.wording import count_of
 
 
 @dataclass(frozen=True)
@@ -168,3 +171,29 @@ def _new_id(
     base = new if rule.id.partition('-')[0] == own else rule.id
     names = (base if number == 1 else f'{base}-{number}' for number in itertools.count(1))
     return next(name for name in names if name not in taken)
+
+
+def describe_simplification(result: Simplification) -> str:
+    """Return which rules were merged, removed and kept, and the numbers before and after."""
+    lines = [f'{name} stands for {", ".join(former)}' for name, former in result.changed.items()]
+    if result.removed:
+        lines.append(f'needed no more: {", ".join(result.removed)}')
+    if result.kept:
+        lines.append(f'left alone for their note or counters: {", ".join(result.kept)}')
+    rules, literals = result.before
+    lines.append(
+        f'{count_of(rules, "rule")} with {count_of(literals, "literal")} before, '
+        + '{} with {} after'.format(*result.after)
+    )
+    return '\n'.join(map(printable, lines))
+
+
+def simplification_document(result: Simplification) -> dict[str, Any]:
+    """Return the same as plain values, ready for JSON."""
+    return {
+        **dict(zip(('rules_before', 'literals_before'), result.before, strict=True)),
+        **dict(zip(('rules', 'literals'), result.after, strict=True)),
+        'changed': {name: list(former) for name, former in result.changed.items()},
+        'removed': list(result.removed),
+        'kept': list(result.kept),
+    }

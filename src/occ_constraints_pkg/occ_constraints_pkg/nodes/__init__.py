@@ -1,6 +1,10 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""The executables, one module each; every module translates between topics and the library."""
+"""The executables, one module each and the monitor a package: between topics and the library.
+
+Beside them is what several of them share: ``lockstep`` and ``robot_sensors`` of the simulation,
+``bag_topics`` of recorder and player, ``help`` of all.
+"""
 
 from __future__ import annotations
 
@@ -22,6 +26,8 @@ NODES = (
     'gate',
     'constrained_learner',
 )
+# Where the module is not of the node's name.
+_MODULES = {'monitor': 'monitor.node'}
 
 
 def run(name: str, argv: list[str] | None = None) -> int:
@@ -62,7 +68,7 @@ def node_main(name: str) -> Callable[[list[str] | None], int]:
         )
     what = f'node {name!r}'
     try:
-        return import_needed(what, f'{__name__}.{name}').main
+        return import_needed(what, f'{__name__}.{_MODULES.get(name, name)}').main
     except ImportError as error:
         package = __name__.partition('.')[0]
         if (error.name or '').partition('.')[0] == package:

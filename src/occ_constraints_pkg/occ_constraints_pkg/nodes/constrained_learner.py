@@ -6,27 +6,33 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Mapping
 
+import numpy as np
 from sensor_msgs.msg import PointCloud2
 
 from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian, torch_device
 from occ_constraints_pkg.agents.settings import PPOLagrangianConfig
 from occ_constraints_pkg.agents.training import TrainingDirectory
 from occ_constraints_pkg.features.serialized_tables import TableMessage
-from occ_constraints_pkg.ros.competing_publishers import Rivals
-from occ_constraints_pkg.ros.lockstep import Pairing
-from occ_constraints_pkg.ros.messages import table_message
-from occ_constraints_pkg.ros.process import OccNode, run_node
+from occ_constraints_pkg.features.table import Table
+from occ_constraints_pkg.nodes.lockstep import (
+    CompetingPublishers,
+    Pairing,
+    action_table,
+    step_batch,
+)
+from occ_constraints_pkg.ros.node import OccNode
+from occ_constraints_pkg.ros.process import run_node
 from occ_constraints_pkg.ros.qos import STEPS, VERDICTS, overridable
-from occ_constraints_pkg.ros.table_topics import subscribe_to_tables, table_bytes
-from occ_constraints_pkg.ros.tables import action_table, step_batch, training_table
+from occ_constraints_pkg.ros.tables import subscribe_to_tables, table_bytes, table_message
 from occ_constraints_pkg.rules.verdict import Verdict
 from occ_constraints_pkg.worlds.base import World
 from occ_constraints_pkg.worlds.registry import world_class
 from occ_constraints_pkg.worlds.stream import StepBatch
 
-# How often the node looks whether it gets what it needs, and how long it waits in silence.
-_LOOK_SECONDS, _SILENT_SECONDS = 0.5, 2.0
+# How often the node checks whether it gets what it needs, and how long it waits in silence.
+_CHECK_SECONDS, _SILENT_SECONDS = 0.5, 2.0
 
 
 class ConstrainedLearner(OccNode):
@@ -67,17 +73,17 @@ class ConstrainedLearner(OccNode):
         self._began = 0.0
         self._answered: int | None = None
         self._answer: bytes | None = None
-        # Due when another step came in its place.
-        self._left: int | None = None
+        # The stamp that was due when another one came instead.
+        self._due_before: int | None = None
         # That of the costs learned from last.
         self._rule_set = ''
         # The newest observation, with its stamp, for which an action has been chosen.
         self._seen: int | None = None
         self._batch: StepBatch | None = None
-        # When the last step came, why the newest is no step, and whether waiting has been told.
+        # When the last step came, why the newest is no step, and whether waiting has been reported.
         self._paired = self.steady_seconds()
         self._problem = ''
-        self._waits = False
+        self._is_waiting = False
 
         self._action = self.create_publisher(
             PointCloud2, 'action', STEPS, qos_overriding_options=overridable()
@@ -85,13 +91,13 @@ class ConstrainedLearner(OccNode):
         self._training = self.create_publisher(
             PointCloud2, 'training', VERDICTS, qos_overriding_options=overridable()
         )
-        self._rivals = Rivals(self, self._action)
+        self._competing = CompetingPublishers(self, self._action)
         self._pairing = Pairing(self._on_step)
         topics = {'observation': self._on_observation, 'costs': self._pairing.on_second}
         self._observation, self._costs = (
             subscribe_to_tables(self, *item).topic_name for item in topics.items()
         )
-        self.steady_timer(_LOOK_SECONDS, self._watch)
+        self.steady_timer(_CHECK_SECONDS, self._check_input)
         self.get_logger().info(f'waiting for {self._observation} and {self._costs}')
 
     def _on_observation(self, message: TableMessage) -> None:
@@ -102,12 +108,12 @@ class ConstrainedLearner(OccNode):
             self._seen, self._batch = stamp, step_batch(message.table)
             self._learner.choose(self._batch)
         if stamp != self._answered:
-            self._rivals.expect(stamp, None)
+            self._competing.expect(stamp, None)
         self._pairing.on_first(message)
 
     def _on_step(self, observation: TableMessage, costs: TableMessage) -> None:
         stamp = observation.stamp_ns
-        if self._rivals.found:
+        if self._competing.found:
             # Whose action led on from the step answered last is not known.
             self._answered = None
             self._problem = f'another node publishes other actions on {self._action.topic_name}'
@@ -120,15 +126,15 @@ class ConstrainedLearner(OccNode):
         unknown = verdicts.column('verdict') == Verdict.UNKNOWN
         if unknown.all():
             # No cost at all: the step is left open until the monitor knows.
-            self._problem = 'the monitor says UNKNOWN of every robot'
+            self._problem = 'the monitor reports UNKNOWN for every robot'
             return
         if unknown.any():
             self.get_logger().warning(
-                f'the monitor says UNKNOWN of {unknown.sum()} robot(s), which costs as much as a '
-                'violation',
+                f'the monitor reports UNKNOWN for {unknown.sum()} robot(s), which costs as much as '
+                'a violation',
                 throttle_duration_sec=5.0,
             )
-        self._go_on()
+        self._end_waiting()
         if costs.frame_id != self._rule_set:
             if self._rule_set:
                 self.get_logger().warning(
@@ -142,19 +148,19 @@ class ConstrainedLearner(OccNode):
         learner = self._learner or self._start(world, len(batch.reward))
         due = None if self._answered is None else self._answered + self._step_ns
         if stamp != due:
-            if stamp == self._left:
+            if stamp == self._due_before:
                 self.get_logger().warning(
                     f'two simulations take turns on {self._observation}; allowed is one',
                     throttle_duration_sec=5.0,
                 )
-            self._left = due
+            self._due_before = due
             # First states are those of episode 0 to which no step led, hence without reward.
             self._interrupt(learner, is_start=not (batch.episode.any() or batch.reward.any()))
         updates = learner.updates
         action = learner.act(batch, verdicts.column('cost'))
         answer = action_table(self._kind.action_columns, action)
         self._answer, self._answered = table_bytes(answer, stamp, world), stamp
-        self._rivals.expect(stamp, answer)
+        self._competing.expect(stamp, answer)
         self._action.publish(self._answer)
         # An update may have taken long, which is no waiting.
         self._paired = self.steady_seconds()
@@ -198,9 +204,9 @@ class ConstrainedLearner(OccNode):
             )
         learner.interrupt(new_episodes=is_start)
 
-    def _watch(self) -> None:
-        """Say what is missing while no step comes; runs on the steady clock."""
-        self._rivals.look()
+    def _check_input(self) -> None:
+        """Report what is missing while no step comes; runs on the steady clock."""
+        self._competing.check_publishers()
         waited = self.steady_seconds() - self._paired
         if waited < _SILENT_SECONDS:
             return
@@ -213,17 +219,17 @@ class ConstrainedLearner(OccNode):
         else:
             silent = self._observation if is_answered else self._costs
             problem = self._problem or f'nothing new comes on {silent}'
-        self._waits = True
+        self._is_waiting = True
         self.get_logger().warning(
-            f'training waits since {waited:.0f} s: {problem}', throttle_duration_sec=5.0
+            f'training has been waiting for {waited:.0f} s: {problem}', throttle_duration_sec=5.0
         )
 
-    def _go_on(self) -> None:
+    def _end_waiting(self) -> None:
         """Note that a step came."""
-        if self._waits:
+        if self._is_waiting:
             waited = self.steady_seconds() - self._paired
             self.get_logger().info(f'training goes on after {waited:.1f} s')
-        self._paired, self._problem, self._waits = self.steady_seconds(), '', False
+        self._paired, self._problem, self._is_waiting = self.steady_seconds(), '', False
 
     def _report(self, stamp: int) -> None:
         metrics = self._learner.metrics
@@ -241,6 +247,11 @@ class ConstrainedLearner(OccNode):
         if self._learner is not None and self._learner.updates:
             self._directory.save(self._learner)
             self.get_logger().info(f'policy and checkpoint saved in {self._directory.path}')
+
+
+def training_table(metrics: Mapping[str, float]) -> Table:
+    """Return the metrics of an update as the table that ``training`` carries: float64, one row."""
+    return Table(tuple(metrics), np.array([list(metrics.values())], dtype=np.float64))
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -4,28 +4,40 @@
 
 from __future__ import annotations
 
+import math
 import time
+from operator import attrgetter
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from geometry_msgs.msg import Twist, TwistStamped
-from rclpy.executors import Executor, SingleThreadedExecutor
+from geometry_msgs.msg import Twist, TwistStamped, Vector3
 
 from occ_constraints_pkg.errors import ConfigurationError
-from occ_constraints_pkg.ros.diagnostics import (
+from occ_constraints_pkg.nodes.monitor.diagnostics import (
     read_judged_at,
     read_verdict,
     status,
     violated_rule_ids,
 )
-from occ_constraints_pkg.ros.messages import scaled_twist, to_nanoseconds
-from occ_constraints_pkg.ros.process import OccNode, run_node
+from occ_constraints_pkg.ros.clocks import with_source_time
+from occ_constraints_pkg.ros.messages import to_nanoseconds
+from occ_constraints_pkg.ros.node import OccNode
+from occ_constraints_pkg.ros.process import run_node
 from occ_constraints_pkg.ros.qos import COMMANDS, LATCHED, VERDICTS, overridable
 from occ_constraints_pkg.rules.gating import GateOutput, GateSettings, SpeedGate, Timing
 
 _REPORT_SECONDS = 1.0
 # Least time between two lines of the log: when the state changes, and when only the reason does.
 _LOG_SECONDS, _SAME_STATE_LOG_SECONDS = 1.0, 2.0
+# Of each field of GateSettings, its description as a parameter, and its range.
+_SETTINGS = {
+    'slow_margin': ('margin under which speed is scaled down; 0: never', 0.0, None),
+    'min_speed_scale': ('part of the speed that is left at margin 0', 0.0, 1.0),
+    'trigger_count': ('violated verdicts of the last trigger_window that stop', 1, None),
+    'trigger_window': ('verdicts among which they are counted', 1, None),
+    'release_count': ('safe verdicts in a row that release again', 1, None),
+    'timeout': ('seconds without a verdict that stop; largest age of a verdict', 0.01, None),
+}
 _LEVELS = {
     'PASS': DiagnosticStatus.OK,
     'SLOW': DiagnosticStatus.WARN,
@@ -33,8 +45,8 @@ _LEVELS = {
 }
 
 
-class _Source:
-    """One topic of verdicts, which exactly one monitor must publish.
+class _VerdictTopic:
+    """A topic of verdicts, which exactly one monitor must publish.
 
     Attributes:
         topic: its full name.
@@ -50,12 +62,15 @@ class _Source:
         self.publishers = 0
         self.rules: list[str] = []
 
-        # rclpy passes the middleware's times to callbacks of exactly two arguments.
-        def on_message(message: DiagnosticArray, info: dict[str, Any]) -> None:
-            node.on_verdict(self, message, info['source_timestamp'])
+        def on_message(message: DiagnosticArray, sent_ns: int) -> None:
+            node.on_verdict(self, message, sent_ns)
 
         node.create_subscription(
-            DiagnosticArray, topic, on_message, VERDICTS, qos_overriding_options=overridable()
+            DiagnosticArray,
+            topic,
+            with_source_time(on_message),
+            VERDICTS,
+            qos_overriding_options=overridable(),
         )
 
     def judge(self, message: DiagnosticArray, sent_ns: int, now: float) -> None:
@@ -85,7 +100,7 @@ class _Source:
 
 
 class Gate(OccNode):
-    """Publishes each command scaled; while stopped, zero at a steady rate."""
+    """Publishes each command scaled by the gate output; while stopped, zero at a steady rate."""
 
     def __init__(self) -> None:
         super().__init__('gate')
@@ -102,22 +117,21 @@ class Gate(OccNode):
         settings = self._settings()
         self.declared()
         self._period, self._timeout = 1.0 / rate, settings.timeout
-        self._kind = TwistStamped if stamped else Twist
+        self._command_type = TwistStamped if stamped else Twist
         now = self.steady_seconds()
         # When the last command came, and when the timer ran last.
         self._commanded = self._ticked = now
         self._frame = ''
         self._output = self.create_publisher(
-            self._kind, 'cmd_vel', COMMANDS, qos_overriding_options=overridable()
+            self._command_type, 'cmd_vel', COMMANDS, qos_overriding_options=overridable()
         )
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self._state_publisher = self.create_publisher(
             DiagnosticArray, '~/state', LATCHED, qos_overriding_options=overridable()
         )
-        # Before the commands: of messages that wait, the executor takes the verdicts first.
-        self._sources = [_Source(self, topic, settings) for topic in topics or ['violation']]
+        self._sources = [_VerdictTopic(self, topic, settings) for topic in topics or ['violation']]
         self.create_subscription(
-            self._kind,
+            self._command_type,
             'cmd_vel_in',
             self._on_command,
             COMMANDS,
@@ -128,17 +142,13 @@ class Gate(OccNode):
             raise ConfigurationError(
                 f'violation_topics: got {", ".join(names)}; allowed is each topic only once'
             )
-        # What was published last and since when (wall time), and what the log said last and when.
-        self._shown = GateOutput(0.0)
+        # The present output and since when (wall time), and what was logged last and when.
+        self._present = GateOutput(0.0)
         self._since_ns = time.time_ns()
         self._logged, self._log_time = GateOutput(1.0), -_SAME_STATE_LOG_SECONDS
         self._changes = 0
         self.steady_timer(self._period, self._on_timer)
         self.steady_timer(_REPORT_SECONDS, self._report)
-
-    def make_executor(self) -> Executor:
-        """Return an executor that passes on when a message was sent; that of events does not."""
-        return SingleThreadedExecutor()
 
     def begin(self) -> None:
         """Expect the timer from now on; the start may have taken longer than it may be late."""
@@ -146,64 +156,32 @@ class Gate(OccNode):
 
     def _settings(self) -> GateSettings:
         defaults = GateSettings()
-        return GateSettings(
-            slow_margin=self.parameter(
-                'slow_margin',
-                defaults.slow_margin,
-                'margin under which speed is scaled down; 0: never',
-                low=0.0,
-            ),
-            min_speed_scale=self.parameter(
-                'min_speed_scale',
-                defaults.min_speed_scale,
-                'part of the speed that is left at margin 0',
-                low=0.0,
-                high=1.0,
-            ),
-            trigger_count=self.parameter(
-                'trigger_count',
-                defaults.trigger_count,
-                'violated verdicts of the last trigger_window that stop',
-                low=1,
-            ),
-            trigger_window=self.parameter(
-                'trigger_window',
-                defaults.trigger_window,
-                'verdicts among which they are counted',
-                low=1,
-            ),
-            release_count=self.parameter(
-                'release_count',
-                defaults.release_count,
-                'safe verdicts in a row that release again',
-                low=1,
-            ),
-            timeout=self.parameter(
-                'timeout',
-                defaults.timeout,
-                'seconds without a verdict that stop; largest age of a verdict',
-                low=0.01,
-            ),
-        )
+        values = {
+            name: self.parameter(name, getattr(defaults, name), description, low=low, high=high)
+            for name, (description, low, high) in _SETTINGS.items()
+        }
+        return GateSettings(**values)
 
-    def on_verdict(self, source: _Source, message: DiagnosticArray, sent_ns: int) -> None:
+    def on_verdict(self, source: _VerdictTopic, message: DiagnosticArray, sent_ns: int) -> None:
         """Take a verdict from one of the topics."""
         now = self.steady_seconds()
-        was_open = self._shown.scale > 0.0
+        was_open = self._present.scale > 0.0
         source.judge(message, sent_ns, now)
         output = self._decide(now)
         if was_open and output.scale == 0.0:
             # At once, not when the next command or the timer comes.
             self._stop()
-        self._show(output, now)
+        self._set_output(output, now)
 
     def _on_command(self, message: Any) -> None:
         now = self.steady_seconds()
         self._commanded = now
         output = self._decide(now)
-        if self._kind is TwistStamped:
+        if self._command_type is TwistStamped:
             self._frame = message.header.frame_id
-        twist = scaled_twist(message.twist if self._kind is TwistStamped else message, output.scale)
+        twist = scaled_twist(
+            message.twist if self._command_type is TwistStamped else message, output.scale
+        )
         if twist is None:
             self.get_logger().error(
                 'a command with a value that is not finite is replaced by zero',
@@ -212,7 +190,7 @@ class Gate(OccNode):
             self._stop()
             return
         self._send(twist)
-        self._show(output, now)
+        self._set_output(output, now)
 
     def _on_timer(self) -> None:
         """Send zero while stopped, or while nobody commands; runs on the steady clock."""
@@ -221,24 +199,24 @@ class Gate(OccNode):
         self._ticked = now
         if output.scale == 0.0 or now - self._commanded > self._command_timeout:
             self._stop()
-        self._show(output, now)
+        self._set_output(output, now)
 
     def _decide(self, now: float) -> GateOutput:
         """Return what to do with commands now: what the worst of the verdicts allows."""
-        # Until the timer has run again, for what is queued came while nobody looked.
+        # Until the timer has run again, for what is queued came in the meantime.
         was_paused = now - self._ticked > self._period + self._timeout
         for source in self._sources:
             if was_paused:
-                reason = f'the gate itself stood still for more than {self._timeout:g} s'
+                reason = f'the gate itself was paused for more than {self._timeout:g} s'
                 source.gate.trip(reason, now)
             source.check_publishers(now)
-        return min((source.gate.output(now) for source in self._sources), key=_scale)
+        return min((source.gate.output(now) for source in self._sources), key=attrgetter('scale'))
 
     def _stop(self) -> None:
         self._send(Twist())
 
     def _send(self, twist: Twist) -> None:
-        if self._kind is Twist:
+        if self._command_type is Twist:
             self._output.publish(twist)
             return
         message = TwistStamped(twist=twist)
@@ -246,9 +224,9 @@ class Gate(OccNode):
         message.header.frame_id = self._frame
         self._output.publish(message)
 
-    def _show(self, output: GateOutput, now: float) -> None:
-        """Publish a change of the state at once, and log it unless it flaps."""
-        before, self._shown = self._shown, output
+    def _set_output(self, output: GateOutput, now: float) -> None:
+        """Note the present output: publish a change at once, and log it unless it flaps."""
+        before, self._present = self._present, output
         if output.state != before.state:
             self._since_ns = time.time_ns()
             self._changes += 1
@@ -263,7 +241,7 @@ class Gate(OccNode):
             return
         if now - self._log_time < (_LOG_SECONDS if is_new_state else _SAME_STATE_LOG_SECONDS):
             return
-        # Those between are not told one by one.
+        # Those between are not logged one by one.
         flapping = f' (changed {self._changes} times since the last line)'
         self.get_logger().info(f'{output}{flapping if self._changes > 1 else ""}')
         self._logged, self._log_time, self._changes = output, now, 0
@@ -302,7 +280,7 @@ class Gate(OccNode):
         ]
         self._state_publisher.publish(message)
 
-    def _source_status(self, name: str, source: _Source, now: float) -> DiagnosticStatus:
+    def _source_status(self, name: str, source: _VerdictTopic, now: float) -> DiagnosticStatus:
         output = source.gate.output(now)
         return status(
             f'{name}: verdicts on {source.topic}',
@@ -320,11 +298,19 @@ class Gate(OccNode):
     def close(self) -> None:
         """Leave the robot with a zero command."""
         self._stop()
-        self.let_leave(self._output)
+        self.flush(self._output)
 
 
-def _scale(output: GateOutput) -> float:
-    return output.scale
+def scaled_twist(twist: Twist, scale: float) -> Twist | None:
+    """Return a velocity command times ``scale``, or ``None`` if a value is not finite."""
+    parts = [
+        [getattr(vector, axis) * scale for axis in 'xyz']
+        for vector in (twist.linear, twist.angular)
+    ]
+    if not all(math.isfinite(value) for part in parts for value in part):
+        return None
+    linear, angular = (Vector3(x=x, y=y, z=z) for x, y, z in parts)
+    return Twist(linear=linear, angular=angular)
 
 
 def main(argv: list[str] | None = None) -> int:

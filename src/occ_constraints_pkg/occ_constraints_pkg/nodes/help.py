@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""What ``--help`` says of a node: its parameters, topics and services."""
+"""What ``--help`` prints for a node: its parameters, topics and services."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _TOPICS = {
         'services': '~/prune, ~/reset_stats (std_srvs/Trigger), ~/enable (std_srvs/SetBool), and '
         'those of a lifecycle node',
     },
-    'gate': {'subscribes': 'cmd_vel_in, violation', 'publishes': 'cmd_vel, /diagnostics'},
+    'gate': {'subscribes': 'cmd_vel_in, violation', 'publishes': 'cmd_vel, ~/state, /diagnostics'},
     'constrained_learner': {
         'subscribes': 'observation, costs, action',
         'publishes': 'action, training',

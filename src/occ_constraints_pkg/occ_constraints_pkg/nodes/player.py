@@ -12,19 +12,21 @@ from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
 from occ_constraints_pkg.errors import ConfigurationError, OccError
-from occ_constraints_pkg.ros.bag_topics import RCLError, profile_to_play, topic_filter
+from occ_constraints_pkg.nodes.bag_topics import profile_to_play, topic_filter
 from occ_constraints_pkg.ros.messages import message_class, to_time
-from occ_constraints_pkg.ros.process import OccNode, run_node
-from occ_constraints_pkg.ros.qos import SETTLED_LOOKS
+from occ_constraints_pkg.ros.node import OccNode
+from occ_constraints_pkg.ros.process import run_node
+from occ_constraints_pkg.ros.qos import SETTLED_CHECKS
+from occ_constraints_pkg.ros.rclpy_internals import RCLError
 from occ_constraints_pkg.rosbag.playback import Playback, is_latched
 from occ_constraints_pkg.rosbag.recording import Recording
 
-_LOOK_SECONDS = 0.05
+_CHECK_SECONDS = 0.05
 _PLAY_SECONDS = 0.001
 # Messages published in one go when the player is behind, before other callbacks get a turn.
 _BURST = 100
 # How long subscribers may take, on a busy machine, to get all of a recording that has been played.
-_LEAVE_SECONDS = 10.0
+_FLUSH_SECONDS = 10.0
 _CLOCK = '/clock'
 
 
@@ -61,15 +63,17 @@ class Player(OccNode):
         self._playback = Playback(
             recording, list(self._publishers_of), rate=rate, loop=loop, start_offset=offset
         )
-        self._clock = self.create_publisher(Clock, _CLOCK, 10) if self._clock_rate else None
+        self._clock_publisher = (
+            self.create_publisher(Clock, _CLOCK, 10) if self._clock_rate else None
+        )
         for name, answer in (
             ('pause', self._on_pause),
             ('resume', self._on_resume),
             ('toggle_paused', self._on_toggle),
         ):
             self.create_service(Trigger, f'~/{name}', answer)
-        self._looks = 0
-        self._timer = self.steady_timer(_LOOK_SECONDS, self._begin)
+        self._settled_checks = 0
+        self._timer = self.steady_timer(_CHECK_SECONDS, self._start)
         self.get_logger().info(f'{len(self._publishers_of)} topics of {bag}{self._waits_for()}')
 
     def _advertise(self, recording: Recording, topics: list[str]) -> dict[str, Publisher]:
@@ -77,7 +81,7 @@ class Player(OccNode):
         publishers = {}
         for topic in topics:
             if topic == _CLOCK and self._clock_rate:
-                self.get_logger().info('the recorded /clock gives way to the one of this player')
+                self.get_logger().info('the recorded /clock is replaced by that of this player')
                 continue
             info = recording.topics[topic]
             try:
@@ -103,7 +107,7 @@ class Player(OccNode):
         return publishers
 
     def _waits_for(self) -> str:
-        """Say what has to happen before anything is played."""
+        """Return what has to happen before anything is played."""
         waits = []
         if self._wanted:
             waits.append(f'{self._wanted} subscription{"s" if self._wanted > 1 else ""}')
@@ -111,22 +115,22 @@ class Player(OccNode):
             waits.append(f'a call of {self.get_fully_qualified_name()}/resume')
         return f', waiting for {" and ".join(waits)}' if waits else ''
 
-    def _begin(self) -> None:
+    def _start(self) -> None:
         subscribers = sum(
             publisher.get_subscription_count() for publisher in self._publishers_of.values()
         )
         if subscribers < self._wanted:
-            self._looks = 0
+            self._settled_checks = 0
             return
-        self._looks += 1
-        if self._wanted and self._looks < SETTLED_LOOKS:
+        self._settled_checks += 1
+        if self._wanted and self._settled_checks < SETTLED_CHECKS:
             return
         self.destroy_timer(self._timer)
         if not self._starts_paused:
             self._playback.resume(self.steady_seconds())
-        if self._clock is not None:
-            self._tell_time()
-            self.steady_timer(1.0 / self._clock_rate, self._tell_time)
+        if self._clock_publisher is not None:
+            self._publish_clock()
+            self.steady_timer(1.0 / self._clock_rate, self._publish_clock)
         self._timer = self.steady_timer(_PLAY_SECONDS, self._play)
 
     def _play(self) -> None:
@@ -138,9 +142,9 @@ class Player(OccNode):
             self.get_logger().info('the recording is over')
             self.finish()
 
-    def _tell_time(self) -> None:
+    def _publish_clock(self) -> None:
         now = self._playback.time_ns(self.steady_seconds())
-        self._clock.publish(Clock(clock=to_time(now)))
+        self._clock_publisher.publish(Clock(clock=to_time(now)))
 
     def _on_pause(self, _request: Any, response: Any) -> Any:
         self._playback.pause(self.steady_seconds())
@@ -158,8 +162,8 @@ class Player(OccNode):
 
     def close(self) -> None:
         """Let the last messages leave before the publishers go."""
-        patience = _LEAVE_SECONDS if self._playback.is_over else 1.0
-        self.let_leave(*self._publishers_of.values(), seconds=patience)
+        patience = _FLUSH_SECONDS if self._playback.is_over else 1.0
+        self.flush(*self._publishers_of.values(), seconds=patience)
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -11,11 +11,11 @@ from occ_constraints_pkg.agents.drivers import Driver, check_name, find_driver
 from occ_constraints_pkg.agents.policy import GaussianPolicy
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.features.serialized_tables import TableMessage
-from occ_constraints_pkg.ros.lockstep import Pairing
-from occ_constraints_pkg.ros.process import OccNode, run_node
+from occ_constraints_pkg.nodes.lockstep import Pairing, action_table, step_batch
+from occ_constraints_pkg.ros.node import OccNode
+from occ_constraints_pkg.ros.process import run_node
 from occ_constraints_pkg.ros.qos import STEPS, overridable
-from occ_constraints_pkg.ros.table_topics import subscribe_to_tables, table_bytes
-from occ_constraints_pkg.ros.tables import action_table, step_batch
+from occ_constraints_pkg.ros.tables import subscribe_to_tables, table_bytes
 from occ_constraints_pkg.worlds.base import World
 from occ_constraints_pkg.worlds.registry import world_class
 

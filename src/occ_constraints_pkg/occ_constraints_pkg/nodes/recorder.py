@@ -12,17 +12,19 @@ from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
 from occ_constraints_pkg.errors import ConfigurationError, OccError
-from occ_constraints_pkg.ros.bag_topics import RCLError, profile_to_record, topic_filter
+from occ_constraints_pkg.nodes.bag_topics import profile_to_record, topic_filter
 from occ_constraints_pkg.ros.messages import message_class
-from occ_constraints_pkg.ros.process import OccNode, run_node
+from occ_constraints_pkg.ros.node import OccNode
+from occ_constraints_pkg.ros.process import run_node
 from occ_constraints_pkg.ros.qos import no_events
+from occ_constraints_pkg.ros.rclpy_internals import RCLError
 from occ_constraints_pkg.rosbag.definitions import find_definition
 from occ_constraints_pkg.rosbag.qos import from_profile
 from occ_constraints_pkg.rosbag.writer import FLUSH_SECONDS, BagWriter
 
-_LOOK_SECONDS = 0.1
-# Of these, so much is for topics and the rest for messages: to subscribe to thousands takes long.
-_LOOK_SHARE_SECONDS = 0.04
+_INSPECT_SECONDS = 0.1
+# Of these, so much is for topics and the rest for messages: thousands of subscriptions take long.
+_INSPECT_SHARE_SECONDS = 0.04
 # A topic that was asked for and that nobody publishes by then may be misspelled.
 _PATIENCE_SECONDS = 5.0
 
@@ -39,7 +41,7 @@ class _Recorded:
 class Recorder(OccNode):
     """Subscribes to topics as they appear and writes their serialized messages unchanged."""
 
-    takes_the_rest = True
+    drain_on_shutdown = True
 
     def __init__(self) -> None:
         super().__init__('recorder')
@@ -67,36 +69,36 @@ class Recorder(OccNode):
         )
         # The first look-up takes half a second, in which messages would pile up.
         find_definition('std_msgs/msg/Empty')
-        self._looking: Iterator[None] | None = None
-        self.steady_timer(_LOOK_SECONDS, self._look)
+        self._inspecting: Iterator[None] | None = None
+        self.steady_timer(_INSPECT_SECONDS, self._inspect_topics)
         self.steady_timer(FLUSH_SECONDS, self._writer.flush)
-        self._impatient = self.steady_timer(_PATIENCE_SECONDS, self._tell_missing)
+        self._patience_timer = self.steady_timer(_PATIENCE_SECONDS, self._report_missing)
         self.get_logger().info(f'recording {self._filter} to {output}')
 
     def close(self) -> None:
         """End the bag."""
         self._writer.close()
-        self._tell_missing()
+        self._report_missing()
         count, files = self._writer.message_count, len(self._writer.paths)
         self.get_logger().info(
             f'{count} messages recorded' + (f' in {files} files' if files > 1 else '')
         )
 
-    def _tell_missing(self) -> None:
+    def _report_missing(self) -> None:
         """Name the topics that were asked for and that nobody has published."""
-        self._impatient.cancel()
+        self._patience_timer.cancel()
         missing = sorted(set(self._filter.names) - self._recorded.keys())
         if missing:
             self.get_logger().warning(f'nobody has published {", ".join(missing)} so far')
 
-    def _look(self) -> None:
-        """Go on looking through the topics, for a share of the time."""
-        end = self.steady_seconds() + _LOOK_SHARE_SECONDS
-        self._looking = self._looking or self._each_topic()
-        for _ in self._looking:
+    def _inspect_topics(self) -> None:
+        """Go on inspecting the topics, for a share of the time."""
+        end = self.steady_seconds() + _INSPECT_SHARE_SECONDS
+        self._inspecting = self._inspecting or self._each_topic()
+        for _ in self._inspecting:
             if self.steady_seconds() > end:
                 return
-        self._looking = None
+        self._inspecting = None
 
     def _each_topic(self) -> Iterator[None]:
         """Subscribe to new topics, and more modestly where a new publisher offers less.
@@ -160,7 +162,7 @@ class Recorder(OccNode):
         of the clock wait in the same queue, so they are as late.
         """
         clock = self.get_clock()
-        # Not every middleware tells the time.
+        # Not every middleware reports the time.
         if clock.ros_time_is_active or not info['received_timestamp']:
             return clock.now().nanoseconds
         return info['received_timestamp']

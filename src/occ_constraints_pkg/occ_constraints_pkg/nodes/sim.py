@@ -15,18 +15,19 @@ from sensor_msgs.msg import PointCloud2
 
 from occ_constraints_pkg.errors import ConfigurationError, OccError
 from occ_constraints_pkg.features.serialized_tables import TableMessage
+from occ_constraints_pkg.nodes.lockstep import observation_table
+from occ_constraints_pkg.nodes.robot_sensors import RobotSensors, twist_command
 from occ_constraints_pkg.ros.messages import to_time
-from occ_constraints_pkg.ros.process import OccNode, run_node
-from occ_constraints_pkg.ros.qos import SENSORS, SETTLED_LOOKS, STEPS, overridable
-from occ_constraints_pkg.ros.sensors import RobotSensors, twist_command
-from occ_constraints_pkg.ros.table_topics import subscribe_to_tables, table_bytes
-from occ_constraints_pkg.ros.tables import observation_table
+from occ_constraints_pkg.ros.node import OccNode
+from occ_constraints_pkg.ros.process import run_node
+from occ_constraints_pkg.ros.qos import SENSORS, SETTLED_CHECKS, STEPS, overridable
+from occ_constraints_pkg.ros.tables import subscribe_to_tables, table_bytes
 from occ_constraints_pkg.worlds.registry import make_world
 from occ_constraints_pkg.worlds.stream import EpisodeStream, StepBatch
 from occ_constraints_pkg.worlds.worker_pool import WorkerError
 
-# How often the node looks whether the subscribers it waits for have come.
-_LOOK_SECONDS = 0.05
+# How often the node checks whether the subscribers it waits for have come.
+_CHECK_SECONDS = 0.05
 
 
 class Sim(OccNode):
@@ -56,7 +57,7 @@ class Sim(OccNode):
         by_velocity = self.parameter(
             'drive_by_cmd_vel',
             False,
-            'take cmd_vel instead of action, for the only robot; in real time unless rate is set',
+            'drive the only robot by cmd_vel, not by action; in real time unless rate is set',
         )
         self._velocity_timeout = self.parameter(
             'cmd_vel_timeout', 0.5, 'seconds without cmd_vel until the robot stops', low=0.01
@@ -92,8 +93,8 @@ class Sim(OccNode):
             self._stop_timer = self.steady_timer(self._velocity_timeout, self._stop)
         else:
             subscribe_to_tables(self, 'action', self._on_action)
-        self._looks = 0
-        self._start_timer = self.steady_timer(_LOOK_SECONDS, self._start)
+        self._settled_checks = 0
+        self._start_timer = self.steady_timer(_CHECK_SECONDS, self._start)
         self._repeat_timer = self.steady_timer(repeat_after, self._repeat)
         if not self._in_step:
             self.steady_timer(1.0 / rate, self._tick_by_velocity if by_velocity else self._tick)
@@ -103,15 +104,15 @@ class Sim(OccNode):
 
     def close(self) -> None:
         """Let the last observation leave and release the world."""
-        self.let_leave(self._observation)
+        self.flush(self._observation)
         self._world.close()
 
     def _start(self) -> None:
         if self._observation.get_subscription_count() < self._wanted:
-            self._looks = 0
+            self._settled_checks = 0
             return
-        self._looks += 1
-        if self._wanted and self._looks < SETTLED_LOOKS:
+        self._settled_checks += 1
+        if self._wanted and self._settled_checks < SETTLED_CHECKS:
             return
         self._start_timer.cancel()
         self._publish(self._stream.reset())
@@ -125,7 +126,7 @@ class Sim(OccNode):
             if table.names != self._action_names:
                 raise ConfigurationError(
                     f'an action has the columns {", ".join(table.names)}; '
-                    f'this world takes {", ".join(self._action_names)}'
+                    f'this world has {", ".join(self._action_names)}'
                 )
             if self._in_step:
                 self._step(table.values)
@@ -140,7 +141,7 @@ class Sim(OccNode):
 
     @contextmanager
     def _ignoring_mistakes(self) -> Iterator[None]:
-        """Within the block, a mistake in the action is told, and the action is ignored."""
+        """Within the block, a mistake in the action is reported, and the action is ignored."""
         try:
             yield
         except WorkerError:

@@ -18,9 +18,10 @@ from occ_constraints_pkg.features.feature_map import load_feature_map
 from occ_constraints_pkg.learning.guarantee import loss_words, promise_words
 from occ_constraints_pkg.learning.learn import learn
 from occ_constraints_pkg.learning.settings import OCTreeSettings
-from occ_constraints_pkg.ros.arrival import ArrivalClock
+from occ_constraints_pkg.ros.clocks import ArrivalClock
 from occ_constraints_pkg.ros.mapped_topics import MappedTopics
-from occ_constraints_pkg.ros.process import OccNode, run_node
+from occ_constraints_pkg.ros.node import OccNode
+from occ_constraints_pkg.ros.process import run_node
 from occ_constraints_pkg.ros.qos import LATCHED, overridable
 from occ_constraints_pkg.rules.constraints_file import Constraints, save_learned
 from occ_constraints_pkg.stopping import stop_request
@@ -66,7 +67,7 @@ class TreeLearner(OccNode):
         alarm = self.parameter(
             'false_alarm',
             0.0,
-            'probability of an alarm in a fresh safe episode to keep to; 0: no promise',
+            'probability of an alarm in a fresh safe episode to keep to; 0: no guarantee',
             low=0.0,
             high=1.0,
         )
@@ -159,7 +160,7 @@ class TreeLearner(OccNode):
 
     def close(self) -> None:
         """Let the rules leave."""
-        self.let_leave(self._publisher)
+        self.flush(self._publisher)
 
     def _hand_out(self, constraints: Constraints) -> str:
         text = f'{len(constraints.rule_set.rules)} rules learned'

@@ -26,7 +26,7 @@ _LEAST_BYTES = 640 * 2**20
 
 
 def check_environment() -> None:
-    """Look at the variables of ROS, the clock and the memory; rclpy is not imported here.
+    """Check the variables of ROS, the clock and the memory; rclpy is not imported here.
 
     Raises:
         OccError: with these no node can run.
@@ -77,12 +77,12 @@ def _check_domain(text: str) -> None:
 def _check_middleware(name: str) -> None:
     """Refuse a middleware that rclpy cannot load: it would end the process with code 102.
 
-    Only another process can tell; the default one is not looked at, as that takes 0.1 s.
+    Only another process can find out; the default one is not checked, as that takes 0.1 s.
     """
     if name in ('', _DEFAULT_RMW) or find_spec('rclpy') is None:
         return
     without = {key: value for key, value in os.environ.items() if key != 'RMW_IMPLEMENTATION'}
-    # If rclpy cannot be loaded without it either, that is another matter, and is told elsewhere.
+    # If rclpy cannot be loaded without it either, that is another problem, reported elsewhere.
     if _can_load(dict(os.environ)) or not _can_load(without):
         return
     package = f'ros-jazzy-{name}'.replace('_', '-')

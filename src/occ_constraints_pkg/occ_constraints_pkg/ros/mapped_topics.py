@@ -15,15 +15,14 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from occ_constraints_pkg.errors import ConfigurationError, OccError
 from occ_constraints_pkg.features.feature_map import FeatureMap, topic_key
 from occ_constraints_pkg.features.fields import FieldReader
+from occ_constraints_pkg.ros.clocks import with_source_time
 from occ_constraints_pkg.ros.messages import message_class
-from occ_constraints_pkg.ros.process import OccNode
+from occ_constraints_pkg.ros.node import OccNode, one_line
 from occ_constraints_pkg.ros.qos import SENSORS, STEPS, no_events, overridable
-from occ_constraints_pkg.ros.source_time import with_source_time
-from occ_constraints_pkg.ros.table_topics import reading
+from occ_constraints_pkg.ros.tables import table_callback
 
-_LOOK_SECONDS = 0.2
-# The same once all topics are subscribed to.
-_SETTLED_SECONDS = 1.0
+# How often the publishers of the topics are inspected, and once all are subscribed to.
+_INSPECT_SECONDS, _SETTLED_SECONDS = 0.2, 1.0
 _BEST_EFFORT = ReliabilityPolicy.BEST_EFFORT
 _TABLE = 'sensor_msgs/msg/PointCloud2'
 
@@ -77,7 +76,7 @@ class MappedTopics:
         # Why messages of a type cannot be read on a topic; empty if they can.
         self._reasons: dict[tuple[str, str], str] = {}
         self._faults: dict[str, str] = {}
-        self._told: set[str] = set()
+        self._reported: set[str] = set()
         self._is_settled = False
         self._timer: Timer | None = None
         try:
@@ -86,7 +85,7 @@ class MappedTopics:
         except OccError:
             self.close()
             raise
-        self._timer = node.steady_timer(_LOOK_SECONDS, self._look)
+        self._timer = node.steady_timer(_INSPECT_SECONDS, self._inspect_publishers)
 
     def close(self) -> None:
         """Drop all subscriptions."""
@@ -102,7 +101,7 @@ class MappedTopics:
         return '; '.join(self._faults.values())
 
     def problem(self) -> str:
-        """Say which topics cannot be heard: unpublished, of a wrong type, offered too little."""
+        """Return which topics cannot be received: unpublished, of a wrong type, too weak QoS."""
         problems = []
         for topic in self._full_names:
             publishers = self._publishers(topic)
@@ -123,11 +122,12 @@ class MappedTopics:
     def _publishers(self, topic: str) -> list[TopicEndpointInfo]:
         return self._node.get_publishers_info_by_topic(self._full_names[topic])
 
-    def _look(self) -> None:
+    def _inspect_publishers(self) -> None:
+        """Subscribe where that is possible now, and report what is wrong with the others."""
         for topic in self._full_names:
             types = {publisher.topic_type for publisher in self._publishers(topic)}
             try:
-                self._follow(topic, types)
+                self._subscribe_to_readable(topic, types)
                 fault = self._fault(topic, types)
             except OccError as error:
                 fault = str(error)
@@ -135,17 +135,17 @@ class MappedTopics:
                 self._faults.pop(topic, None)
                 continue
             self._faults[topic] = fault
-            if fault not in self._told:
-                self._told.add(fault)
+            if fault not in self._reported:
+                self._reported.add(fault)
                 self._node.get_logger().error(fault)
         is_settled = len(self._subscriptions) == len(self._full_names) and not self._faults
         if is_settled != self._is_settled:
             self._is_settled = is_settled
             self._node.destroy_timer(self._timer)
-            seconds = _SETTLED_SECONDS if is_settled else _LOOK_SECONDS
-            self._timer = self._node.steady_timer(seconds, self._look)
+            seconds = _SETTLED_SECONDS if is_settled else _INSPECT_SECONDS
+            self._timer = self._node.steady_timer(seconds, self._inspect_publishers)
 
-    def _follow(self, topic: str, types: set[str]) -> None:
+    def _subscribe_to_readable(self, topic: str, types: set[str]) -> None:
         """Subscribe to a type of the topic that can be read, unless that is so."""
         if topic in self._tables:
             return
@@ -156,19 +156,19 @@ class MappedTopics:
         if subscription is None:
             self._subscribe(topic, readable[0], SENSORS)
         else:
-            # The middleware takes the other type only once this subscription is gone: next time.
+            # The middleware accepts the other type only once this subscription is gone: next time.
             del self._subscriptions[topic]
             self._node.destroy_subscription(subscription)
 
     def _fault(self, topic: str, types: set[str]) -> str:
-        """Say that a topic has publishers, but none of a type that can be read; or nothing."""
+        """Return that a topic has publishers, but none of a type that can be read; else nothing."""
         if not types or any(not self._reason(topic, item) for item in types):
             return ''
         first = min(types)
         return f'{topic} is published as {first}; {self._reason(topic, first)}'
 
     def _reason(self, topic: str, msgtype: str) -> str:
-        """Say why messages of this type cannot be read, or nothing."""
+        """Return why messages of this type cannot be read, or nothing."""
         if topic in self._tables:
             return '' if msgtype == _TABLE else f'allowed is {_TABLE}'
         key = topic, msgtype
@@ -187,9 +187,9 @@ class MappedTopics:
             if not self._closed:
                 self._callback(topic, message, published_ns)
 
-        is_table, kind = topic in self._tables, message_class(msgtype)
+        is_table, message_type = topic in self._tables, message_class(msgtype)
         for other in self._node.subscriptions:
-            if other.topic_name == self._full_names[topic] and other.msg_type is not kind:
+            if other.topic_name == self._full_names[topic] and other.msg_type is not message_type:
                 raise ConfigurationError(
                     f'topic {topic!r} is to be read as {msgtype}, but this node reads it as '
                     f'{other.msg_type.__module__.partition(".")[0]}/msg/{other.msg_type.__name__}; '
@@ -197,9 +197,9 @@ class MappedTopics:
                 )
         try:
             subscription = self._node.create_subscription(
-                kind,
+                message_type,
                 topic,
-                reading(self._node, topic, on_message)
+                table_callback(self._node, topic, on_message)
                 if is_table
                 else with_source_time(on_message),
                 qos,
@@ -209,8 +209,7 @@ class MappedTopics:
             )
         # What the layers below rclpy refuse has no common type.
         except (RuntimeError, TypeError, ValueError) as error:
-            words = ' '.join(str(error).split())
             raise ConfigurationError(
-                f'cannot subscribe to {topic!r} as {msgtype}: {words}'
+                f'cannot subscribe to {topic!r} as {msgtype}: {one_line(error)}'
             ) from error
         self._subscriptions[topic] = msgtype, subscription

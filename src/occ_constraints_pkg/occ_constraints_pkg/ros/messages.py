@@ -1,11 +1,9 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Messages: tables, stamps and velocity commands to and from rclpy types."""
+"""Stamps, and the Python classes of message types that are known by name only."""
 
 from __future__ import annotations
 
-import array
-import math
 import os
 import re
 import site
@@ -17,11 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Twist, Vector3
-from sensor_msgs.msg import PointCloud2, PointField
 
 from occ_constraints_pkg.errors import InputError
-from occ_constraints_pkg.features.table import Table
 
 _SECOND = 1_000_000_000
 _TYPE_NAME = re.compile(r'(?!\w*__)[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*')
@@ -36,40 +31,6 @@ def to_time(nanoseconds: int) -> Time:
 def to_nanoseconds(stamp: Time) -> int:
     """Return a time message as nanoseconds."""
     return stamp.sec * _SECOND + stamp.nanosec
-
-
-def table_message(table: Table, stamp_ns: int, frame_id: str = '') -> PointCloud2:
-    """Return a table as a PointCloud2 of one row, stamped."""
-    message = PointCloud2()
-    message.header.stamp = to_time(stamp_ns)
-    message.header.frame_id = frame_id
-    message.height, message.width = 1, len(table.values)
-    message.fields = _fields(tuple(table.layout))
-    message.point_step = table.values.shape[1] * table.values.dtype.itemsize
-    message.row_step = message.point_step * message.width
-    message.data = array.array('B', table.packed())
-    message.is_dense = True
-    return message
-
-
-@cache
-def _fields(layout: tuple[tuple[str, int, int, int], ...]) -> list[PointField]:
-    return [
-        PointField(name=name, offset=offset, datatype=datatype, count=count)
-        for name, offset, datatype, count in layout
-    ]
-
-
-def scaled_twist(twist: Twist, scale: float) -> Twist | None:
-    """Return a velocity command times ``scale``, or ``None`` if a value is not finite."""
-    parts = [
-        [getattr(vector, axis) * scale for axis in 'xyz']
-        for vector in (twist.linear, twist.angular)
-    ]
-    if not all(math.isfinite(value) for part in parts for value in part):
-        return None
-    linear, angular = (Vector3(x=x, y=y, z=z) for x, y, z in parts)
-    return Twist(linear=linear, angular=angular)
 
 
 @cache
@@ -98,7 +59,7 @@ def message_class(msgtype: str) -> Any:
 
 
 def _is_installed(package: str) -> bool:
-    """Tell, without importing anything, whether a package of messages is installed.
+    """Return, without importing anything, whether a package of messages is installed.
 
     Then it lies where Python packages are installed, or below a directory of ``AMENT_PREFIX_PATH``,
     and has the compiled type support that ROS generates for messages. Whatever lies in the present
@@ -119,9 +80,9 @@ def _is_installed(package: str) -> bool:
 
 
 def _is_for_packages(path: str) -> bool:
-    place = Path(path).absolute()
+    folder = Path(path).absolute()
     prefixes = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
-    return place != Path.cwd() and (
-        place in (Path(folder) for folder in (*site.getsitepackages(), site.getusersitepackages()))
-        or any(place.is_relative_to(Path(prefix).absolute()) for prefix in prefixes if prefix)
+    return folder != Path.cwd() and (
+        folder in (Path(item) for item in (*site.getsitepackages(), site.getusersitepackages()))
+        or any(folder.is_relative_to(Path(prefix).absolute()) for prefix in prefixes if prefix)
     )

@@ -34,10 +34,10 @@ COMMANDS = QoSProfile(
     history=HistoryPolicy.KEEP_LAST, depth=1, reliability=ReliabilityPolicy.RELIABLE
 )
 
-# Looks at the number of subscribers, 0.05 s apart, that must agree before the first message. A
+# Checks of the number of subscribers, 0.05 s apart, that must agree before the first message. A
 # publisher learns of a subscriber a moment before the subscriber learns of it, and what is
-# published within that moment is lost; no call tells when it is over.
-SETTLED_LOOKS = 8
+# published within that moment is lost; no call shows when it is over.
+SETTLED_CHECKS = 8
 
 
 def overridable() -> QoSOverridingOptions:

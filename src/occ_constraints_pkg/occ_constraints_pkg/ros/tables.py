@@ -1,81 +1,100 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""What the columns of our tables mean, and their way to and from the values in the code."""
+"""Tables as messages: batched, stamped numbers as PointCloud2, to and from topics."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import array
+from collections.abc import Callable
+from functools import cache, lru_cache, partial
 
 import numpy as np
+from rclpy.serialization import deserialize_message
+from rclpy.subscription import Subscription
+from sensor_msgs.msg import PointCloud2, PointField
 
-from occ_constraints_pkg.errors import InputError
+from occ_constraints_pkg.features.serialized_tables import TableMessage, TableReader
 from occ_constraints_pkg.features.table import Table
-from occ_constraints_pkg.rules.ruleset import RuleCounts
-from occ_constraints_pkg.rules.verdict import Judgement
-from occ_constraints_pkg.worlds.base import Column
-from occ_constraints_pkg.worlds.stream import StepBatch
-
-STEP_COLUMNS = ('reward', 'terminated', 'truncated', 'episode', 'true_cost')
-COST_COLUMNS = ('cost', 'verdict', 'margin', 'rule')
-RULE_COLUMNS = ('evaluated', 'violated')
+from occ_constraints_pkg.features.table_messages import TableSerializer
+from occ_constraints_pkg.ros.messages import to_time
+from occ_constraints_pkg.ros.node import OccNode
+from occ_constraints_pkg.ros.qos import STEPS, overridable
 
 
-def observation_table(columns: Sequence[Column], batch: StepBatch) -> Table:
-    """Return a step as the table that ``observation`` carries: float32, one row per robot.
+def table_message(table: Table, stamp_ns: int, frame_id: str = '') -> PointCloud2:
+    """Return a table as a PointCloud2 of one row, stamped."""
+    message = PointCloud2()
+    message.header.stamp = to_time(stamp_ns)
+    message.header.frame_id = frame_id
+    message.height, message.width = 1, len(table.values)
+    message.fields = _fields(tuple(table.layout))
+    message.point_step = table.values.shape[1] * table.values.dtype.itemsize
+    message.row_step = message.point_step * message.width
+    message.data = array.array('B', table.packed())
+    message.is_dense = True
+    return message
 
-    An episode's number is exact in float32 up to 16.7 million.
-    """
-    names = (*(column.name for column in columns), *STEP_COLUMNS)
-    values = np.empty((len(batch.reward), len(names)), dtype=np.float32)
-    values[:, : len(columns)] = batch.observation
-    for place, name in enumerate(STEP_COLUMNS, start=len(columns)):
-        values[:, place] = getattr(batch, name)
-    return Table(names, values)
+
+@cache
+def _fields(layout: tuple[tuple[str, int, int, int], ...]) -> list[PointField]:
+    return [
+        PointField(name=name, offset=offset, datatype=datatype, count=count)
+        for name, offset, datatype, count in layout
+    ]
 
 
-def step_batch(table: Table) -> StepBatch:
-    """Return the step that an observation table carries.
+def table_bytes(table: Table, stamp_ns: int, frame_id: str) -> bytes:
+    """Return the message of :func:`table_message` serialized, as publishers take it as well."""
+    values = table.values
+    serializer = _serializer(table.names, frame_id, len(values), values.dtype)
+    return serializer.serialize(values, stamp_ns)
+
+
+@lru_cache(maxsize=16)
+def _serializer(
+    names: tuple[str, ...], frame_id: str, rows: int, dtype: np.dtype
+) -> TableSerializer:
+    return TableSerializer(names, frame_id, rows, dtype)
+
+
+def subscribe_to_tables(
+    node: OccNode, topic: str, callback: Callable[[TableMessage], None]
+) -> Subscription:
+    """Subscribe to a topic of tables, reliably.
+
+    Args:
+        node: subscribes.
+        topic: its name.
+        callback: called with each message, which may turn out not to be a table.
 
     Raises:
-        OccError: the table does not end in the columns of a step.
+        OccError: the topic's name is not valid.
     """
-    size = len(STEP_COLUMNS)
-    if table.names[-size:] != STEP_COLUMNS:
-        raise InputError(
-            f'an observation table must end in the columns {", ".join(STEP_COLUMNS)}; '
-            f'this one has {", ".join(table.names)}'
-        )
-    reward, terminated, truncated, episode, true_cost = table.values[:, -size:].T
-    return StepBatch(
-        table.values[:, :-size],
-        reward.astype(np.float64),
-        terminated > 0,
-        truncated > 0,
-        episode.astype(np.int64),
-        true_cost.astype(np.float64),
+    return node.create_subscription(
+        PointCloud2,
+        topic,
+        table_callback(node, topic, callback),
+        STEPS,
+        raw=True,
+        qos_overriding_options=overridable(),
     )
 
 
-def action_table(columns: Sequence[Column], action: np.ndarray) -> Table:
-    """Return actions (N, a) as the table that ``action`` carries: float32."""
-    return Table(tuple(column.name for column in columns), np.asarray(action, dtype=np.float32))
+def table_callback(
+    node: OccNode, topic: str, callback: Callable[[TableMessage], None]
+) -> Callable[[bytes], None]:
+    """Return what a subscription with ``raw=True`` calls; see :func:`subscribe_to_tables`."""
+    reader = TableReader(partial(deserialize_message, message_type=PointCloud2))
 
+    def on_bytes(data: bytes) -> None:
+        try:
+            message = reader.read(data)
+        except RuntimeError as error:
+            # The middleware drops such a message as well, so this is silence.
+            node.get_logger().error(
+                f'a message on {topic} is damaged: {error}', throttle_duration_sec=1.0
+            )
+            return
+        callback(message)
 
-def costs_table(judgement: Judgement) -> Table:
-    """Return a judgement as the table that ``costs`` carries: float64, one row per robot."""
-    values = np.empty((len(judgement.verdict), len(COST_COLUMNS)))
-    columns = (judgement.cost, judgement.verdict, judgement.margin, judgement.rule)
-    for place, column in enumerate(columns):
-        values[:, place] = column
-    return Table(COST_COLUMNS, values)
-
-
-def training_table(metrics: Mapping[str, float]) -> Table:
-    """Return the metrics of an update as the table that ``training`` carries: float64, one row."""
-    return Table(tuple(metrics), np.array([list(metrics.values())], dtype=np.float64))
-
-
-def rule_stats_table(counts: RuleCounts) -> Table:
-    """Return counters as the table that ``rule_stats`` carries: float64, one row per rule."""
-    columns = (counts.evaluated, counts.violated)
-    return Table(RULE_COLUMNS, np.stack(columns, axis=1).astype(np.float64))
+    return on_bytes

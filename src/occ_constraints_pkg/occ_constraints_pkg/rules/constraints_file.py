@@ -56,6 +56,12 @@ class Constraints:
         provenance: package version, time, bags with their hashes.
         evidence: which demonstrations support each bound, as learned (see
             ``learning.evidence_document``).
+
+    Example:
+        >>> constraints = occ.learn('bags/simple_nav_expert', 'simple_nav')
+        >>> print(len(constraints.rules), f'{constraints.coverage["held_out"]:.1%}')
+        4 100.0%
+        >>> constraints.save('nav.yaml')
     """
 
     rule_set: RuleSet
@@ -65,6 +71,16 @@ class Constraints:
     coverage: Mapping[str, Any] = field(default_factory=dict)
     provenance: Mapping[str, Any] = field(default_factory=dict)
     evidence: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def rules(self) -> tuple[Rule, ...]:
+        """All rules, disabled ones included."""
+        return self.rule_set.rules
+
+    @property
+    def space(self) -> FeatureSpace:
+        """The features that the rules speak of."""
+        return self.rule_set.space
 
     @property
     def is_edited(self) -> bool:
@@ -124,6 +140,11 @@ def load_constraints(path: str | Path) -> Constraints:
     Raises:
         ConfigurationError: it is not valid; the sentence names line, key and value.
         DataError: it cannot be read.
+
+    Example:
+        >>> occ.learn('bags/simple_nav_expert', 'simple_nav').save('nav.yaml')
+        >>> occ.load_constraints('nav.yaml').space.names
+        ('x', 'y')
     """
     if Path(path).is_dir() or Path(path).suffix in _DATA_SUFFIXES:
         found = 'a directory, as recordings are' if Path(path).is_dir() else 'a recording or table'

@@ -113,6 +113,10 @@ def _groups(literals: Iterable[Literal]) -> tuple[_Group, ...]:
 _Condition = tuple[int, float, float]
 # Conditions that must all be true, and branches, one of which must be true if there are any.
 _Branch = tuple[tuple[_Condition, ...], tuple['_Branch', ...]]
+# Feature, sign, signed bound and scale of a literal: its distance from becoming true.
+_Distance = tuple[int, float, float, float]
+# Of a disjunction: single literals, and conjunctions of literals with a disjunction.
+_Distances = tuple[tuple[_Distance, ...], tuple[tuple[tuple[_Distance, ...], '_Distances'], ...]]
 
 
 class ShortCircuit:
@@ -123,25 +127,34 @@ class ShortCircuit:
     Args:
         space: the features.
         formula: true where there is a violation.
+        scale: (k,) the unit of distance of each feature.
     """
 
-    def __init__(self, space: FeatureSpace, formula: Disjunction) -> None:
+    def __init__(self, space: FeatureSpace, formula: Disjunction, scale: np.ndarray) -> None:
         self._bounds = list(zip(*space.finite_bounds.tolist(), strict=True))
         self._box = list(zip(*_safe_box(space, formula).tolist(), strict=True))
         self._branches = _branches(Disjunction((), formula.parts))
+        self._distances = _distances(formula, scale.tolist())
 
     def verdict(self, row: list[float]) -> Verdict:
         """Return the verdict on one sample."""
         for value, (low, high) in zip(row, self._box, strict=True):
             # Written so that NaN fails.
             if not low <= value <= high:
-                return Verdict.VIOLATED if self._is_known(row) else Verdict.UNKNOWN
+                return Verdict.VIOLATED if self.is_known(row) else Verdict.UNKNOWN
         return Verdict.VIOLATED if _is_true(self._branches, row) else Verdict.SAFE
 
-    def _is_known(self, row: list[float]) -> bool:
-        return all(
-            low <= value <= high for value, (low, high) in zip(row, self._bounds, strict=True)
-        )
+    def is_known(self, row: list[float]) -> bool:
+        """Whether all features of one sample are finite and within their physical bounds."""
+        for value, (low, high) in zip(row, self._bounds, strict=True):
+            if not low <= value <= high:
+                return False
+        return True
+
+    def margin(self, row: list[float]) -> float:
+        """Return the margin of one sample; meaningless if it is not known."""
+        # Adding 0 leaves no minus zero.
+        return _lowered(math.inf, self._distances, row, -math.inf) + 0.0
 
 
 def _is_true(branches: tuple[_Branch, ...], row: list[float]) -> bool:
@@ -164,6 +177,45 @@ def _branches(formula: Disjunction) -> tuple[_Branch, ...]:
     return (
         *single,
         *((tuple(map(_condition, groups)), _branches(inner)) for groups, inner in formula.parts),
+    )
+
+
+def _lowered(margin: float, formula: _Distances, row: list[float], least: float) -> float:
+    """Return the minimum of a margin and that of a formula, which is at least ``least``.
+
+    The margin of a conjunction is at least that of its first literals; if that is not smaller, the
+    rest is skipped.
+    """
+    ends, parts = formula
+    for feature, sign, bound, scale in ends:
+        distance = (bound - sign * row[feature]) / scale
+        if distance < margin:
+            margin = max(distance, least)
+    for condition, inner in parts:
+        outer = least
+        for feature, sign, bound, scale in condition:
+            distance = (bound - sign * row[feature]) / scale
+            if distance > outer:
+                outer = distance
+                if outer >= margin:
+                    break
+        else:
+            margin = _lowered(margin, inner, row, outer)
+    return margin
+
+
+def _distances(formula: Disjunction, scale: list[float]) -> _Distances:
+    parts = (
+        (_of_groups(groups, scale), _distances(inner, scale)) for groups, inner in formula.parts
+    )
+    return _of_groups(formula.ends, scale), tuple(parts)
+
+
+def _of_groups(groups: Iterable[_Group], scale: list[float]) -> tuple[_Distance, ...]:
+    return tuple(
+        (group.feature, literal.sign, literal.sign * literal.bound, scale[group.feature])
+        for group in groups
+        for literal in group.literals
     )
 
 

@@ -32,6 +32,10 @@ class Literal:
 
     Raises:
         ConfigurationError: the operator is unknown, or the bound not finite.
+
+    Example:
+        >>> occ.Literal(0, '>', 1.5).holds(np.array([1.5, 1.6]))
+        array([False,  True])
     """
 
     feature: int
@@ -125,6 +129,14 @@ class Rule:
 
     Raises:
         ConfigurationError: there is no literal.
+
+    Example:
+        >>> space = occ.FeatureSpace((occ.Feature('speed', 'm/s'), occ.Feature('clearance', 'm')))
+        >>> rule = occ.Rule('close', (occ.Literal(0, '>', 0.5), occ.Literal(1, '<', 0.8)))
+        >>> rule.words(space)
+        'speed above 0.5 m/s and clearance below 0.8 m'
+        >>> rule.holds(np.array([[0.6, 0.7], [0.4, 0.7]]))
+        array([ True, False])
     """
 
     id: str

@@ -28,8 +28,10 @@ from occ_constraints_pkg.rules.verdict import Judgement, Verdict
 _BLOCK = 1024
 # Up to this many literals times samples, one table of all is faster than columns.
 _FEW_LITERALS = 5000
+# Up to this many literals, the margin of one sample takes less time without NumPy.
+_FEW_IN_PYTHON = 250
 # NumPy compares with a plain number much faster than with an enum member.
-_UNKNOWN = int(Verdict.UNKNOWN)
+_SAFE, _VIOLATED, _UNKNOWN = (int(item) for item in Verdict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +49,13 @@ class RuleSet:
         ConfigurationError: a duplicate id, an invalid demonstrated range, a literal on a feature
             that does not exist, or an enabled rule that can never be true, which is a mistake in a
             safety rule.
+
+    Example:
+        >>> space = occ.FeatureSpace((occ.Feature('speed', 'm/s'),))
+        >>> fast = occ.Rule('fast', (occ.Literal(0, '>', 1.5),))
+        >>> rule_set = occ.RuleSet(space, (fast,), np.array([[0.0, 1.0]]))
+        >>> rule_set.judge(np.array([[1.0], [2.0]])).margin
+        array([ 0.5, -0.5])
     """
 
     space: FeatureSpace
@@ -146,7 +155,7 @@ class RuleSet:
 
     @cached_property
     def _short_circuit(self) -> ShortCircuit:
-        return ShortCircuit(self.space, self._formula)
+        return ShortCircuit(self.space, self._formula, self.scale)
 
     def judge(self, values: np.ndarray) -> Judgement:
         """Judge samples.
@@ -229,12 +238,18 @@ class RuleSet:
         return self._short_circuit.verdict(row.tolist())
 
     def _judge_one(self, rows: np.ndarray) -> Judgement:
-        verdict = self._short_circuit.verdict(rows[0].tolist())
-        rule, margin = -1, np.nan
-        if verdict is not Verdict.UNKNOWN:
-            margin = self.table.margins(rows).min(initial=np.inf) if len(self.order) else np.inf
-            if verdict is Verdict.VIOLATED:
-                rule = self.order[self.table.truth(rows)[:, 0].argmax()]
+        row, verdict, rule = rows[0].tolist(), _SAFE, -1
+        if not self._short_circuit.is_known(row):
+            return Judgement(np.array([_UNKNOWN], np.int8), np.array([-1]), np.array([np.nan]))
+        if self._size <= _FEW_IN_PYTHON:
+            margin = self._short_circuit.margin(row)
+        else:
+            margin = self.table.margins(rows).min()
+        # Where a distance is 0, strictness decides.
+        if margin <= 0.0:
+            truth = self.table.truth(rows)[:, 0]
+            if truth.any():
+                verdict, rule = _VIOLATED, self.order[truth.argmax()]
         return Judgement(np.array([verdict], np.int8), np.array([rule]), np.array([margin]))
 
     def rule_margins(self, sample: np.ndarray) -> np.ndarray:

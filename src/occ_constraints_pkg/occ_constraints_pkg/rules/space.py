@@ -23,6 +23,10 @@ class Feature:
         high: largest physically possible value.
         family: features of one family measure the same quantity in different places or directions,
             like the sectors of a lidar, and get the same bounds. Empty for none.
+
+    Example:
+        >>> occ.Feature('clearance', 'm', low=0.0)
+        Feature(name='clearance', unit='m', low=0.0, high=inf, family='')
     """
 
     name: str
@@ -39,6 +43,11 @@ class FeatureSpace:
     Raises:
         ConfigurationError: no feature, a duplicate name, bounds that leave no value, or a family
             whose members differ in unit or bounds.
+
+    Example:
+        >>> space = occ.FeatureSpace((occ.Feature('speed', 'm/s'), occ.Feature('clearance', 'm')))
+        >>> space.index('clearance')
+        1
     """
 
     features: tuple[Feature, ...]

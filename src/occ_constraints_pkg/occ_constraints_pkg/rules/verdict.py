@@ -11,7 +11,12 @@ import numpy as np
 
 
 class Verdict(IntEnum):
-    """SAFE, VIOLATED, or UNKNOWN when an input cannot be judged; UNKNOWN is never safe."""
+    """SAFE, VIOLATED, or UNKNOWN when an input cannot be judged; UNKNOWN is never safe.
+
+    Example:
+        >>> [verdict.name for verdict in occ.Verdict]
+        ['SAFE', 'VIOLATED', 'UNKNOWN']
+    """
 
     SAFE = 0
     VIOLATED = 1
@@ -32,6 +37,14 @@ class Judgement:
         margin: (n,) float64, signed distance to the boundary of the safe set with each feature
             scaled by its demonstrated range: at least 0 where SAFE, at most 0 where VIOLATED,
             NaN where UNKNOWN. See :meth:`RuleSet.judge`.
+
+    Example:
+        >>> space = occ.FeatureSpace((occ.Feature('speed', 'm/s'),))
+        >>> fast = occ.Rule('fast', (occ.Literal(0, '>', 1.5),))
+        >>> rule_set = occ.RuleSet(space, (fast,), np.array([[0.0, 1.0]]))
+        >>> judgement = rule_set.judge(np.array([[1.0], [2.0], [np.nan]]))
+        >>> judgement.verdict, judgement.cost
+        (array([0, 1, 2], dtype=int8), array([0., 1., 1.]))
     """
 
     verdict: np.ndarray

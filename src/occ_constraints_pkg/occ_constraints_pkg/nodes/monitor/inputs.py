@@ -1,39 +1,52 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Rows of features from live topics, and a watchdog that says when there are none."""
+"""From live messages to rows of features, and how long there have been none."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from occ_constraints_pkg.errors import InputError, OccError
+from occ_constraints_pkg.errors import InputError
 from occ_constraints_pkg.features.extractor import FeatureExtractor, FeatureRows
 from occ_constraints_pkg.features.feature_map import FeatureMap
 from occ_constraints_pkg.features.fields import header_stamp_ns
 from occ_constraints_pkg.features.serialized_tables import TableMessage
-from occ_constraints_pkg.ros.arrival import ArrivalClock
+from occ_constraints_pkg.nodes.monitor.markers import Sector
+from occ_constraints_pkg.ros.clocks import ArrivalClock
 from occ_constraints_pkg.ros.mapped_topics import MappedTopics
-from occ_constraints_pkg.ros.process import OccNode
+from occ_constraints_pkg.ros.node import OccNode
 
 
-class LiveFeatures:
+@dataclass(frozen=True)
+class TimeLimits:
+    """How late and how early inputs may be, in seconds.
+
+    Attributes:
+        timeout: how long nothing new may come, and ``/clock`` may stand still.
+        max_lead: how far the header stamp of a message may be ahead of the clock; 0 for any, and
+            not of tables, whose stamps identify steps.
+        max_lag: how late a message may come (see
+            :class:`~occ_constraints_pkg.features.lateness.Lateness`); likewise.
+    """
+
+    timeout: float
+    max_lead: float
+    max_lag: float
+
+
+class Inputs:
     """Subscribes to the topics of a feature map and computes its rows.
 
     Args:
         node: subscribes.
         feature_map: what to compute.
-        limits: three numbers of seconds, ``timeout``, ``max_lead``, ``max_lag``: how long nothing
-            new may come until :attr:`silence` has something to say, and ``/clock`` may stand
-            still; how far the header stamp of a message may be ahead of the clock; and how late
-            it may come (see :class:`~occ_constraints_pkg.features.lateness.Lateness`). The latter
-            two are 0 for any, and not of tables, whose stamps tell steps apart.
-        on_rows: called with each input's rows.
-        on_fault: called with the reason and the stamp in ns of an input that gives none.
+        limits: how late and how early messages may be.
+        callback: called with the arguments of :meth:`rows` for each message.
 
     Raises:
         OccError: a topic cannot be subscribed to.
@@ -43,18 +56,17 @@ class LiveFeatures:
         self,
         node: OccNode,
         feature_map: FeatureMap,
-        limits: tuple[float, float, float],
-        on_rows: Callable[[FeatureRows], None],
-        on_fault: Callable[[str, int], None],
+        limits: TimeLimits,
+        callback: Callable[[str, Any, int], None],
     ) -> None:
-        self._node = node
-        self._timeout, max_lead, self._max_lag = limits
-        self._max_lead_ns = round(max_lead * 1e9)
-        self._on_rows, self._on_fault = on_rows, on_fault
-        self._arrival = ArrivalClock(node, self._timeout)
-        self._heard = node.steady_seconds()
-        self._extractor = FeatureExtractor(feature_map, self._max_lag)
-        self._topics = MappedTopics(node, feature_map, self._on_message)
+        self._node, self._callback = node, callback
+        self._limits = limits
+        self._max_lead_ns = round(limits.max_lead * 1e9)
+        self._arrival = ArrivalClock(node, limits.timeout)
+        self._refreshed = node.steady_seconds()
+        self._extractor = FeatureExtractor(feature_map, limits.max_lag)
+        self._topics = MappedTopics(node, feature_map, callback)
+        # Of each topic the newest message, for its frame.
         self._newest: dict[str, Any] = {}
 
     @property
@@ -70,60 +82,66 @@ class LiveFeatures:
         """
         if feature_map == self.feature_map:
             return
-        extractor = FeatureExtractor(feature_map, self._max_lag)
-        topics = MappedTopics(self._node, feature_map, self._on_message)
+        extractor = FeatureExtractor(feature_map, self._limits.max_lag)
+        topics = MappedTopics(self._node, feature_map, self._callback)
         self._topics.close()
         self._topics, self._extractor = topics, extractor
-        self.renew()
-
-    def frame(self, topic: str) -> str:
-        """Return the ``frame_id`` of a topic's newest message, the topic as the map writes it."""
-        newest = self._newest.get(topic)
-        if isinstance(newest, TableMessage):
-            return newest.frame_id
-        header = getattr(newest, 'header', None)
-        return '' if header is None else header.frame_id
+        self.refresh()
 
     def close(self) -> None:
         """Drop all subscriptions."""
         self._topics.close()
 
-    def renew(self) -> None:
-        """Take note that something new has come; whoever gets rows knows which are."""
-        self._heard = self._node.steady_seconds()
+    def rows(self, topic: str, message: Any, published_ns: int) -> FeatureRows | None:
+        """Take a message that has just come, and return the rows of features that it completes.
 
-    @property
-    def silence(self) -> str:
-        """Why nothing new has come for the timeout, on the steady clock; empty if it has."""
-        if self._node.steady_seconds() - self._heard <= self._timeout:
+        Args:
+            topic: as the feature map writes it.
+            message: of the topic's type, or the :class:`TableMessage` of a table.
+            published_ns: when it was published by the publisher's clock, 0 if that is not known.
+
+        Returns:
+            None where the message only becomes the latest value of its topic.
+
+        Raises:
+            OccError: it cannot be used; its features are unknown.
+        """
+        now = self._arrival.now_ns()
+        # With simulated time, publishers stamp their messages with it, but publish at wall time.
+        is_comparable = published_ns and not self._node.get_clock().ros_time_is_active
+        sent = (published_ns, time.monotonic_ns()) if is_comparable else None
+        self._newest[topic] = message
+        self._check_stamp(topic, message, now)
+        rows = self._extractor.push(topic, message, now, sent)
+        if rows is None:
+            return None
+        if not len(rows.values):
+            raise InputError(f'topic {topic!r} brought a table without rows')
+        if self._topics.fault and not rows.note and np.isnan(rows.values).any():
+            rows = replace(rows, note=self._topics.fault)
+        return rows
+
+    def stamp_ns(self, message: Any) -> int:
+        """Return the stamp of a message for which :meth:`rows` has just raised."""
+        return header_stamp_ns(message) or self._arrival.latest_ns
+
+    def refresh(self) -> None:
+        """Note that something new has come; whoever gets rows knows which are new."""
+        self._refreshed = self._node.steady_seconds()
+
+    def check_timeout(self) -> str:
+        """Return why nothing new has come for the timeout, on the steady clock; empty if it has."""
+        if self._node.steady_seconds() - self._refreshed <= self._limits.timeout:
             return ''
-        return self._topics.problem() or f'no new input for {self._timeout:g} s'
+        return self._topics.problem() or f'no new input for {self._limits.timeout:g} s'
 
-    @property
-    def clock_problem(self) -> str:
-        """Why the time of the last message's arrival cannot be relied on; empty if it can."""
+    def check_clock(self) -> str:
+        """Return why the arrival time of the last message cannot be relied on; empty if it can."""
         return self._arrival.problem()
 
-    def _on_message(self, topic: str, message: Any, published_ns: int) -> None:
-        now = self._arrival.now_ns()
-        # With simulated time, publishers tell wall time and stamps do not.
-        is_told = published_ns and not self._node.get_clock().ros_time_is_active
-        sent = (published_ns, time.monotonic_ns()) if is_told else None
-        self._newest[topic] = message
-        try:
-            self._check_stamp(topic, message, now)
-            rows = self._extractor.push(topic, message, now, sent)
-            if rows is not None and not len(rows.values):
-                raise InputError(f'topic {topic!r} brought a table without rows')
-        except OccError as error:
-            self.renew()
-            self._node.get_logger().error(f'input refused: {error}', throttle_duration_sec=1.0)
-            self._on_fault(str(error), header_stamp_ns(message) or now)
-            return
-        if rows is not None:
-            if self._topics.fault and not rows.note and np.isnan(rows.values).any():
-                rows = replace(rows, note=self._topics.fault)
-            self._on_rows(rows)
+    def sectors(self) -> Iterator[Sector]:
+        """Yield the features that are sectors of a scan, in the frames of their newest messages."""
+        return located_sectors(self.feature_map, self._newest)
 
     def _check_stamp(self, topic: str, message: Any, now_ns: int) -> None:
         if not self._max_lead_ns or topic in self.feature_map.table_topics:
@@ -133,5 +151,22 @@ class LiveFeatures:
         if now_ns and lead_ns > self._max_lead_ns:
             raise InputError(
                 f'the stamp of a message on {topic!r} is {lead_ns * 1e-9:.3g} s ahead of the '
-                f'clock; allowed is {self._max_lead_ns * 1e-9:g} s, by the parameter max_lead'
+                f'clock; allowed is {self._limits.max_lead:g} s, by the parameter max_lead'
             )
+
+
+def located_sectors(feature_map: FeatureMap, newest: Mapping[str, Any]) -> Iterator[Sector]:
+    """Yield the features of a map that are sectors of a scan whose frame is known.
+
+    Args:
+        feature_map: knows which features are sectors.
+        newest: topic, as the map writes it, to the newest message on it.
+    """
+    for number, feature in enumerate(feature_map.features):
+        message = newest.get(feature.topic) if feature.degrees is not None else None
+        if isinstance(message, TableMessage):
+            frame = message.frame_id
+        else:
+            frame = message.header.frame_id if hasattr(message, 'header') else ''
+        if frame:
+            yield Sector(number, feature, frame)

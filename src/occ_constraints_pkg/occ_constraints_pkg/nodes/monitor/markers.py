@@ -5,12 +5,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
 
 from geometry_msgs.msg import Point
 from visualization_msgs.msg import Marker, MarkerArray
 
-from occ_constraints_pkg.features.feature_map import FeatureMap
 from occ_constraints_pkg.features.sources import FeatureSource
 from occ_constraints_pkg.ros.messages import to_time
 from occ_constraints_pkg.rules.verdict import Verdict
@@ -25,6 +25,20 @@ _LINE_METRES = 0.03
 # Of a sector whose feature is no distance.
 _RADIUS_METRES = 1.0
 _ARC_DEGREES = 5.0
+
+
+class Sector(NamedTuple):
+    """A feature that is a sector of a scan.
+
+    Attributes:
+        number: the feature's number.
+        feature: knows where the sector lies.
+        frame: of the scan.
+    """
+
+    number: int
+    feature: FeatureSource
+    frame: str
 
 
 def verdict_markers(
@@ -50,26 +64,21 @@ def verdict_markers(
     return MarkerArray(markers=markers)
 
 
-def sector_markers(
-    feature_map: FeatureMap, fired: dict[str, float], frame: Callable[[str], str]
-) -> Iterator[Marker]:
-    """Yield an outline for each feature that is a sector of a scan and has fired.
+def sector_markers(sectors: Iterable[Sector], fired: dict[str, float]) -> Iterator[Marker]:
+    """Yield an outline for each sector whose feature has fired.
 
     Args:
-        feature_map: knows which features are sectors, and where these lie.
-        fired: name and value of the features that violated rules speak of.
-        frame: gives the frame of a topic's messages; empty while it is not known.
+        sectors: those that can be drawn.
+        fired: name and value of the features that violated rules are about.
     """
-    for place, feature in enumerate(feature_map.features):
-        if feature.name in fired and feature.degrees is not None:
-            frame_id = frame(feature.topic)
-            if frame_id:
-                marker = _sector(feature, fired[feature.name])
-                marker.id, marker.header.frame_id = place, frame_id
-                yield marker
+    for number, feature, frame_id in sectors:
+        if feature.name in fired:
+            marker = _outline(feature, fired[feature.name])
+            marker.id, marker.header.frame_id = number, frame_id
+            yield marker
 
 
-def _sector(feature: FeatureSource, value: float) -> Marker:
+def _outline(feature: FeatureSource, value: float) -> Marker:
     """Draw a sector out to the value that was measured in it."""
     radius = value if feature.unit == 'm' and 0.0 < value < math.inf else _RADIUS_METRES
     first, last = feature.degrees

@@ -7,11 +7,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
 from rclpy.timer import Timer
-from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
@@ -19,36 +17,35 @@ from occ_constraints_pkg.errors import ConfigurationError, OccError
 from occ_constraints_pkg.features.feature_map import FeatureMap, map_of
 from occ_constraints_pkg.features.lateness import MAX_LAG_SECONDS
 from occ_constraints_pkg.files import CONSTRAINTS, check_outputs
-from occ_constraints_pkg.nodes.monitor.outputs import VerdictTopics
-from occ_constraints_pkg.nodes.monitor.pipeline import Judging
+from occ_constraints_pkg.nodes.monitor.inputs import TimeLimits
+from occ_constraints_pkg.nodes.monitor.outputs import Outputs
+from occ_constraints_pkg.nodes.monitor.pipeline import EarlyWarning, Pipeline
 from occ_constraints_pkg.nodes.monitor.rules_in_force import RulesInForce
 from occ_constraints_pkg.nodes.monitor.rules_reader import RulesReader, check_size
-from occ_constraints_pkg.ros.diagnostics import report_message
-from occ_constraints_pkg.ros.managed import ManagedNode
-from occ_constraints_pkg.ros.messages import table_message
+from occ_constraints_pkg.ros.lifecycle import ManagedNode
 from occ_constraints_pkg.ros.process import run_node
-from occ_constraints_pkg.ros.qos import LATCHED, VERDICTS, overridable
-from occ_constraints_pkg.ros.tables import rule_stats_table
+from occ_constraints_pkg.ros.qos import LATCHED, overridable
 from occ_constraints_pkg.rules.constraints_file import Constraints, load_constraints
 from occ_constraints_pkg.rules.edits import RuleEdits
 from occ_constraints_pkg.rules.forecast import HORIZON_SECONDS, WINDOW_SECONDS
+from occ_constraints_pkg.rules.gating import SteadyVerdict
 
 _REPORT_SECONDS = 1.0
-_WATCH_SECONDS = 0.1
-# How often is looked whether the rules that came are read.
+_TIMEOUT_CHECK_SECONDS = 0.1
+# How often it is checked whether the rules that came are read.
 _READ_SECONDS = 0.02
 _ORIGIN = 'topic constraints'
 _DEBOUNCE = {
-    'trigger_count': 'violated verdicts of the last trigger_window that people are told',
+    'trigger_count': 'violated verdicts of the last trigger_window until people are shown VIOLATED',
     'trigger_window': 'verdicts among which they are counted',
-    'release_count': 'safe verdicts in a row until people are told SAFE again',
+    'release_count': 'safe verdicts in a row until people are shown SAFE again',
 }
 # Parameters that change the rules, in the order that RuleEdits takes them.
 _EDITS = ('disabled_rules', 'enabled_rules', 'moved_bounds')
 
 
 class Monitor(ManagedNode):
-    """Publishes cost, verdict and margin for every row of features."""
+    """Parameters, lifecycle and services; what is done with inputs is in `Pipeline.process`."""
 
     subscribes_later = True
 
@@ -62,12 +59,8 @@ class Monitor(ManagedNode):
         self._reader = RulesReader(_ORIGIN)
         self._reading: Timer | None = None
         self._rules = RulesInForce(self)
-        self._topics = VerdictTopics(self)
-        self._judging = Judging(self, self._rules, self._topics)
-        self._rule_stats = self.create_publisher(
-            PointCloud2, 'rule_stats', VERDICTS, qos_overriding_options=overridable()
-        )
-        self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        self._outputs = Outputs(self)
+        self._pipeline = Pipeline(self, self._rules, self._outputs)
         self.create_subscription(
             String,
             'constraints',
@@ -80,7 +73,7 @@ class Monitor(ManagedNode):
         self.create_service(SetBool, '~/enable', self._on_enable)
         self.add_on_set_parameters_callback(self._check_edits)
         self.add_post_set_parameters_callback(self._on_edits)
-        self.steady_timer(_WATCH_SECONDS, self._judging.watch)
+        self.steady_timer(_TIMEOUT_CHECK_SECONDS, self._pipeline.check_timeout)
         self.steady_timer(_REPORT_SECONDS, self._report)
 
     def _declare(self) -> None:
@@ -111,11 +104,11 @@ class Monitor(ManagedNode):
         self.setting(
             'warning_window',
             WINDOW_SECONDS,
-            'seconds over which rates of change are looked for',
+            'seconds over which rates of change are estimated',
             low=0.001,
         )
-        for name, words in _DEBOUNCE.items():
-            self.setting(name, 1, words, low=1)
+        for name, description in _DEBOUNCE.items():
+            self.setting(name, 1, description, low=1)
         self.live_setting('disabled_rules', [], 'ids of rules to disable')
         self.live_setting('enabled_rules', [], 'ids of rules to enable though the file does not')
         self.live_setting('moved_bounds', [], "other bounds, each like 'RULE: FEATURE > 0.9'")
@@ -123,10 +116,11 @@ class Monitor(ManagedNode):
 
     def configure(self) -> None:
         """Load the rules and subscribe to their topics."""
-        self._judging.debounce(*(self.value(name) for name in _DEBOUNCE))
-        self._judging.is_enabled = self.value('enabled')
-        self._topics.warning.horizon = self.value('warning_horizon')
-        self._topics.warning.window = self.value('warning_window')
+        self._pipeline.configure(
+            SteadyVerdict(*(self.value(name) for name in _DEBOUNCE)),
+            EarlyWarning(self.value('warning_horizon'), self.value('warning_window')),
+            is_enabled=self.value('enabled'),
+        )
         self._rules.counts_file = self.value('counts_file')
         self._rules.edits = self._edits()
         path = self.value('constraints_file')
@@ -141,25 +135,25 @@ class Monitor(ManagedNode):
 
     def activate(self) -> None:
         """Begin to judge."""
-        self._judging.start()
+        self._pipeline.activate()
         if self._rules.rule_set is None:
             self.get_logger().info(f'waiting for rules on {self.full_name("constraints")}')
 
     def deactivate(self) -> None:
-        """Say UNKNOWN once more, and then nothing."""
-        self._judging.stop()
+        """Publish UNKNOWN once more, and then nothing."""
+        self._pipeline.deactivate()
 
     def cleanup(self) -> None:
         """Drop the rules and their topics; the counters are kept."""
-        self._rules.drop()
-        self._judging.close()
-        self._reader.drop()
+        self._rules.clear()
+        self._pipeline.unsubscribe()
+        self._reader.clear()
         self._received = None
 
     def close(self) -> None:
         """Keep the counters."""
         self._reader.close()
-        self._rules.keep()
+        self._rules.save_counts()
 
     def _on_constraints(self, message: String) -> None:
         self._offered = message.data
@@ -169,21 +163,21 @@ class Monitor(ManagedNode):
     def _read(self, text: str) -> None:
         # A latched rule set comes again when its publisher restarts; the counters stay.
         if text == self._received:
-            self._reader.drop()
+            self._reader.clear()
             return
         try:
             check_size(text, _ORIGIN)
         except OccError as error:
-            self._reader.drop()
+            self._reader.clear()
             self._refuse(error)
             return
         self._reader.offer(text)
         if self._reading is None:
-            self._reading = self.steady_timer(_READ_SECONDS, self._take)
+            self._reading = self.steady_timer(_READ_SECONDS, self._use_if_read)
 
-    def _take(self) -> None:
+    def _use_if_read(self) -> None:
         """Use the rules that came once they are read."""
-        answer = self._reader.take()
+        answer = self._reader.poll()
         if not self._reader.is_busy:
             self.destroy_timer(self._reading)
             self._reading = None
@@ -207,12 +201,11 @@ class Monitor(ManagedNode):
     ) -> None:
         # All that may fail comes first; then rules and topics change together.
         rules = self._rules.prepare(constraints, where, strict=strict)
-        self._rules.keep()
-        self._judging.listen(
-            feature_map, self.value('timeout'), self.value('max_lead'), self.value('max_lag')
-        )
+        self._rules.save_counts()
+        limits = (self.value(name) for name in ('timeout', 'max_lead', 'max_lag'))
+        self._pipeline.subscribe(feature_map, TimeLimits(*limits))
         self._rules.use(rules)
-        self._judging.forget('no input since the rules came')
+        self._pipeline.reset('no input since the rules came')
 
     def _edits(self, changed: Sequence[Parameter] = ()) -> RuleEdits:
         """Return the edits that the parameters ask for, once some of them have changed."""
@@ -233,26 +226,24 @@ class Monitor(ManagedNode):
     def _on_edits(self, parameters: list[Parameter]) -> None:
         if _is_edit(parameters):
             self._rules.edit(self._edits())
-            self._judging.forget('no input since the rules were edited')
+            self._pipeline.reset('no input since the rules were edited')
 
     def _report(self) -> None:
-        self._rules.keep()
-        self._judging.insist()
+        self._rules.save_counts()
+        self._pipeline.republish_timeout()
         now = self.get_clock().now().nanoseconds
         values: dict[str, object] = {
             'state': self.state,
-            'enabled': self._judging.is_enabled,
+            'enabled': self._pipeline.is_enabled,
             # Lets a test or a launch script start the input only when its listeners are there.
-            'subscribers': self._topics.subscribers,
+            'subscribers': self._outputs.subscribers,
         }
         rule_set = self._rules.rule_set
         if rule_set is not None:
             values['rule_set'] = rule_set.fingerprint
             if rule_set.rules and self.is_active:
-                self._rule_stats.publish(table_message(rule_stats_table(self._rules.counts), now))
-        name = f'{self.get_fully_qualified_name().lstrip("/")}: judging'
-        message = report_message(name, self._judging.state, self._judging.problem, values, now)
-        self._diagnostics.publish(message)
+                self._outputs.publish_rule_stats(self._rules.counts, now)
+        self._outputs.publish_report(self._pipeline.state, self._pipeline.problem, values, now)
 
     def _on_prune(self, _request: Any, response: Any) -> Any:
         try:
@@ -260,7 +251,7 @@ class Monitor(ManagedNode):
                 self.value('prune_threshold'), self.value('pruned_file')
             )
             response.success = True
-            self._judging.forget('no input since the rules were pruned')
+            self._pipeline.reset('no input since the rules were pruned')
         except OccError as error:
             response.success, response.message = False, str(error)
         return response
@@ -272,8 +263,8 @@ class Monitor(ManagedNode):
         return response
 
     def _on_enable(self, request: Any, response: Any) -> Any:
-        self._judging.enable(bool(request.data))
-        word = 'enabled' if self._judging.is_enabled else 'disabled'
+        self._pipeline.enable(bool(request.data))
+        word = 'enabled' if self._pipeline.is_enabled else 'disabled'
         response.success, response.message = True, word
         return response
 

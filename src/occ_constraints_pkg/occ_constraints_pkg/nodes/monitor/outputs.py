@@ -1,12 +1,16 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""The topics on which verdicts go out; of those for people, only what somebody listens to."""
+"""What the monitor publishes of a verdict; for people only what somebody subscribes to."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
+import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.publisher import Publisher
 from sensor_msgs.msg import PointCloud2
@@ -14,40 +18,58 @@ from std_msgs.msg import Float64
 from visualization_msgs.msg import MarkerArray
 
 from occ_constraints_pkg.features.extractor import FeatureRows
-from occ_constraints_pkg.nodes.monitor.costs import costs_message
-from occ_constraints_pkg.nodes.monitor.early_warning import EarlyWarning
-from occ_constraints_pkg.nodes.monitor.inputs import LiveFeatures
-from occ_constraints_pkg.nodes.monitor.markers import sector_markers, verdict_markers
-from occ_constraints_pkg.nodes.monitor.state_log import StateLog
-from occ_constraints_pkg.ros.diagnostics import (
-    foreseen_values,
+from occ_constraints_pkg.features.table import Table
+from occ_constraints_pkg.features.table_messages import TableSerializer
+from occ_constraints_pkg.nodes.monitor.diagnostics import (
+    report_message,
     unknown_message,
     violation_message,
 )
-from occ_constraints_pkg.ros.process import OccNode
+from occ_constraints_pkg.nodes.monitor.markers import Sector, sector_markers, verdict_markers
+from occ_constraints_pkg.nodes.monitor.state_log import StateLog
+from occ_constraints_pkg.ros.node import OccNode
 from occ_constraints_pkg.ros.qos import VERDICTS, overridable
+from occ_constraints_pkg.ros.tables import table_bytes, table_message
 from occ_constraints_pkg.rules import Judgement, RuleSet, Verdict
+from occ_constraints_pkg.rules.ruleset import RuleCounts
+
+COST_COLUMNS = ('cost', 'verdict', 'margin', 'rule')
+RULE_COLUMNS = ('evaluated', 'violated')
 
 
-class VerdictTopics:
-    """Publishes judgements on several topics, each while somebody subscribes to it.
-
-    Changes are told in the log as well, for whoever has nothing but the node's terminal.
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """The judgement of one input.
 
     Attributes:
-        warning: estimates the time to a violation.
+        rule_set: the rules that judged.
+        rows: what they judged.
+        judgement: of these rows.
+    """
+
+    rule_set: RuleSet
+    rows: FeatureRows
+    judgement: Judgement
+
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict on robot 0."""
+        return Verdict(self.judgement.verdict[0])
+
+
+class Outputs:
+    """The topics and the log of the monitor.
 
     Args:
         node: publishes.
     """
 
     def __init__(self, node: OccNode) -> None:
-        def publisher(kind: Any, topic: str) -> Publisher:
+        def publisher(message_type: Any, topic: str) -> Publisher:
             return node.create_publisher(
-                kind, topic, VERDICTS, qos_overriding_options=overridable()
+                message_type, topic, VERDICTS, qos_overriding_options=overridable()
             )
 
-        self.warning = EarlyWarning()
         self._log = StateLog(node)
         self._costs = publisher(PointCloud2, 'costs')
         self._cost = publisher(Float64, 'cost')
@@ -55,6 +77,9 @@ class VerdictTopics:
         self._time = publisher(Float64, 'time_to_violation')
         self._violation = publisher(DiagnosticArray, 'violation')
         self._markers = publisher(MarkerArray, 'markers')
+        self._rule_stats = publisher(PointCloud2, 'rule_stats')
+        self._diagnostics = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        self._status_name = f'{node.get_fully_qualified_name().lstrip("/")}: judging'
 
     @property
     def subscribers(self) -> int:
@@ -62,74 +87,110 @@ class VerdictTopics:
         topics = (self._costs, self._violation)
         return min(publisher.get_subscription_count() for publisher in topics)
 
-    def publish_costs(self, rule_set: RuleSet, judgement: Judgement, stamp_ns: int) -> None:
+    @property
+    def wants_forecast(self) -> bool:
+        """Whether anybody would receive the estimated time to a violation."""
+        topics = (self._time, self._violation)
+        return any(publisher.get_subscription_count() for publisher in topics)
+
+    @property
+    def wants_markers(self) -> bool:
+        """Whether anybody would receive markers."""
+        return self._markers.get_subscription_count() > 0
+
+    def publish_costs(self, answer: Answer) -> None:
         """Answer an input with one row per robot, in the name of the rule set that judged."""
         if self._costs.get_subscription_count():
-            self._costs.publish(costs_message(judgement, stamp_ns, rule_set.fingerprint))
+            self._costs.publish(
+                costs_message(answer.judgement, answer.rows.stamp_ns, answer.rule_set.fingerprint)
+            )
 
-    def publish_verdict(
-        self,
-        rule_set: RuleSet,
-        rows: FeatureRows,
-        judgement: Judgement,
-        state: Verdict,
-        features: LiveFeatures,
-    ) -> None:
-        """Publish all but ``costs``.
+    def publish_verdict(self, answer: Answer, state: Verdict, foreseen: dict[str, object]) -> None:
+        """Publish and log all but ``costs`` and ``markers``.
 
         Args:
-            rule_set: the rules that judged.
-            rows: what they judged.
-            judgement: of these rows.
+            answer: the input's rows and judgement.
             state: the steady verdict on robot 0, for people.
-            features: where the rows come from.
+            foreseen: what is expected next, with the key ``time_to_violation``; may be empty if
+                :attr:`wants_forecast` is false.
         """
-        stamp, verdict = rows.stamp_ns, Verdict(judgement.verdict[0])
+        rule_set, rows, judgement = answer.rule_set, answer.rows, answer.judgement
         if self._cost.get_subscription_count():
-            self._cost.publish(Float64(data=0.0 if verdict is Verdict.SAFE else 1.0))
+            self._cost.publish(Float64(data=0.0 if answer.verdict is Verdict.SAFE else 1.0))
         if self._margin.get_subscription_count():
             self._margin.publish(Float64(data=float(judgement.margin[0])))
-        is_time_wanted = self._time.get_subscription_count()
-        is_told = self._violation.get_subscription_count()
-        if is_time_wanted or is_told:
-            forecast = self.warning.look(rule_set, rows, judgement)
-            if is_time_wanted:
-                self._time.publish(Float64(data=forecast.seconds))
-            if is_told:
-                more = {
-                    **({'reason': rows.note} if rows.note else {}),
-                    'state': state.name,
-                    **foreseen_values(rule_set, forecast, self.warning.horizon),
-                }
-                self._violation.publish(
-                    violation_message(rule_set, rows.values, judgement, stamp, more)
-                )
-        if self._markers.get_subscription_count():
-            self._markers.publish(_markers(rule_set, rows, state, features))
-        self._log.judged(rule_set, rows, judgement, state)
+        if foreseen and self._time.get_subscription_count():
+            self._time.publish(Float64(data=foreseen['time_to_violation']))
+        if foreseen and self._violation.get_subscription_count():
+            reason = {'reason': rows.note} if rows.note else {}
+            more = {**reason, 'state': state.name, **foreseen}
+            self._violation.publish(
+                violation_message(rule_set, rows.values, judgement, rows.stamp_ns, more)
+            )
+        self._log.log_judgement(rule_set, rows, judgement, state)
+
+    def publish_markers(self, answer: Answer, state: Verdict, sectors: Iterable[Sector]) -> None:
+        """Publish the markers of robot 0: its state, the rules violated now and their sectors.
+
+        Args:
+            answer: the input's rows and judgement.
+            state: the steady verdict.
+            sectors: the features that can be outlined.
+        """
+        rule_set, sample = answer.rule_set, answer.rows.values[0]
+        violated = [rule_set.rules[index] for index in rule_set.violated_rules(sample)]
+        fired = {
+            rule_set.space.names[literal.feature]: float(sample[literal.feature])
+            for rule in violated
+            for literal in rule.literals
+        }
+        words = '\n'.join(rule.words(rule_set.space) for rule in violated)
+        outlines = sector_markers(sectors, fired)
+        self._markers.publish(verdict_markers(state, words, answer.rows.stamp_ns, outlines))
 
     def publish_unknown(self, reason: str, rule_set: RuleSet | None, stamp_ns: int) -> None:
-        """Say that nothing can be judged, and why; ``stamp_ns`` is that of the last input."""
+        """Publish that nothing can be judged, and why; ``stamp_ns`` is that of the last input."""
         self._cost.publish(Float64(data=1.0))
         self._margin.publish(Float64(data=math.nan))
         self._time.publish(Float64(data=math.nan))
         self._violation.publish(unknown_message(reason, rule_set, stamp_ns))
-        if self._markers.get_subscription_count():
+        if self.wants_markers:
             self._markers.publish(verdict_markers(Verdict.UNKNOWN, reason, stamp_ns))
-        self._log.unknown(reason)
+        self._log.log_unknown(reason)
+
+    def publish_rule_stats(self, counts: RuleCounts, stamp_ns: int) -> None:
+        """Publish the counters, one row per rule."""
+        columns = (counts.evaluated, counts.violated)
+        table = Table(RULE_COLUMNS, np.stack(columns, axis=1).astype(np.float64))
+        self._rule_stats.publish(table_message(table, stamp_ns))
+
+    def publish_report(
+        self, state: Verdict, problem: str, values: dict[str, object], stamp_ns: int
+    ) -> None:
+        """Publish on ``/diagnostics`` how the monitor is doing; see `report_message`."""
+        message = report_message(self._status_name, state, problem, values, stamp_ns)
+        self._diagnostics.publish(message)
 
 
-def _markers(
-    rule_set: RuleSet, rows: FeatureRows, state: Verdict, features: LiveFeatures
-) -> MarkerArray:
-    """Return the markers of robot 0; rules and sectors are those violated now."""
-    sample, names = rows.values[0], rule_set.space.names
-    violated = [rule_set.rules[place] for place in rule_set.violated_rules(sample)]
-    fired = {
-        names[literal.feature]: float(sample[literal.feature])
-        for rule in violated
-        for literal in rule.literals
-    }
-    words = '\n'.join(rule.words(rule_set.space) for rule in violated)
-    sectors = sector_markers(features.feature_map, fired, features.frame)
-    return verdict_markers(state, words, rows.stamp_ns, sectors)
+def costs_table(judgement: Judgement) -> Table:
+    """Return a judgement as the table that ``costs`` carries: float64, one row per robot."""
+    columns = (judgement.cost, judgement.verdict, judgement.margin, judgement.rule)
+    return Table(COST_COLUMNS, np.stack([np.asarray(item, float) for item in columns], axis=1))
+
+
+def costs_message(judgement: Judgement, stamp_ns: int, frame_id: str) -> bytes:
+    """Return a judgement as the message for ``costs``, serialized.
+
+    To make a table of one row takes longer than to judge it, so that is left out.
+    """
+    if len(judgement.verdict) != 1:
+        return table_bytes(costs_table(judgement), stamp_ns, frame_id)
+    verdict = int(judgement.verdict[0])
+    cost = 0.0 if verdict == Verdict.SAFE else 1.0
+    row = (cost, verdict, judgement.margin[0], judgement.rule[0])
+    return _serializer(frame_id).serialize(row, stamp_ns)
+
+
+@lru_cache(maxsize=4)
+def _serializer(frame_id: str) -> TableSerializer:
+    return TableSerializer(COST_COLUMNS, frame_id)

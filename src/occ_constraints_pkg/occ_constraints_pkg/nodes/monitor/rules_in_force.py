@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""The rule set that a monitor judges by, its counters, and the topic that tells it."""
+"""The rule set that a monitor judges by, its counters, and the topic that shows it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from std_msgs.msg import String
 
 from occ_constraints_pkg.errors import ConfigurationError, OccError
 from occ_constraints_pkg.learning.pruning import prune
-from occ_constraints_pkg.ros.process import OccNode
+from occ_constraints_pkg.ros.node import OccNode
 from occ_constraints_pkg.ros.qos import LATCHED, overridable
 from occ_constraints_pkg.rules import RuleSet
 from occ_constraints_pkg.rules.constraints_file import Constraints, save_derived
@@ -21,7 +21,7 @@ from occ_constraints_pkg.rules.listing import rules_document
 from occ_constraints_pkg.rules.persistent_counts import PersistentCounts
 from occ_constraints_pkg.wording import count_of
 
-# How long a disk that stays full is not spoken of again.
+# How long a disk that stays full is not reported again.
 _SILENT_SECONDS = 60.0
 
 
@@ -33,7 +33,7 @@ class PreparedRules:
         base: as they were given.
         edited: with the edits.
         counts: of the latter.
-        left_out: whether some of the edits speak of rules that are not there.
+        left_out: whether some of the edits are of rules that are not there.
         where: what to call their origin.
         pruned: ids of the rules that pruning has disabled, which no edit brings back.
     """
@@ -63,8 +63,8 @@ class RulesInForce:
         self._node = node
         self._now: PreparedRules | None = None
         self.counts_file = ''
-        # Whether people were told that counters are not kept, and when they may be told again.
-        self._is_told, self._silent_until = False, -math.inf
+        # Whether it is reported that counters are not kept, and when it may be reported again.
+        self._is_reported, self._silent_until = False, -math.inf
         self.edits = RuleEdits()
         self._topic = node.create_publisher(
             String, 'rules', LATCHED, qos_overriding_options=overridable()
@@ -91,7 +91,7 @@ class RulesInForce:
         """Edit rules and find their counters, without any effect yet.
 
         Args:
-            constraints: where the rules stand.
+            constraints: with the rules.
             where: what to call their origin.
             strict: whether edits of rules that are not there are an error; else they are left out.
             pruned: ids of rules that stay disabled.
@@ -108,7 +108,7 @@ class RulesInForce:
 
     def use(self, rules: PreparedRules) -> None:
         """Judge by these rules from now on."""
-        self.keep()
+        self.save_counts()
         self._now = rules
         rule_set, log = rules.edited.rule_set, self._node.get_logger()
         log.info(
@@ -121,13 +121,13 @@ class RulesInForce:
                 f'{rules.counts.problem}; counters begin at 0, and that file is kept beside'
             )
         if rules.left_out:
-            log.warning(f'some of the edits by parameter speak of no rule of {rules.where}')
+            log.warning(f'some of the edits by parameter are of no rule of {rules.where}')
         if not len(rule_set.order):
             log.warning(f'{rules.where} enables no rule, so every verdict will be UNKNOWN')
         self._topic.publish(String(data=json.dumps(rules_document(rule_set))))
 
     def check(self, edits: RuleEdits) -> None:
-        """Do nothing if these edits can be made.
+        """Check that these edits can be made.
 
         Raises:
             OccError: they cannot.
@@ -151,7 +151,7 @@ class RulesInForce:
             self.use(self.prepare(now.base, 'parameters', strict=True, pruned=now.pruned))
 
     def prune(self, threshold: float, path: str) -> str:
-        """Disable rules by the counters, and say in words what was done.
+        """Disable rules by the counters, and return in words what was done.
 
         Args:
             threshold: ratio of violations to evaluations under which a rule is disabled.
@@ -179,8 +179,8 @@ class RulesInForce:
         self.use(self.prepare(base, 'pruning', strict=False, pruned=pruned))
         return words
 
-    def keep(self) -> None:
-        """Write the file of counters; where that fails, say so and go on without.
+    def save_counts(self) -> None:
+        """Write the file of counters; where that fails, report it and go on without.
 
         Counters are a statistic, for which no robot is to stop.
         """
@@ -193,13 +193,13 @@ class RulesInForce:
             now = self._node.steady_seconds()
             if now >= self._silent_until:
                 log.warning(f'counters are not kept: {error}')
-                self._silent_until, self._is_told = now + _SILENT_SECONDS, True
+                self._silent_until, self._is_reported = now + _SILENT_SECONDS, True
         else:
-            if self._is_told:
+            if self._is_reported:
                 log.info(f'counters are kept again in {self.counts_file}')
-            self._is_told = False
+            self._is_reported = False
 
-    def drop(self) -> None:
+    def clear(self) -> None:
         """Have no rules any more, once the counters are kept."""
-        self.keep()
+        self.save_counts()
         self._now = None

@@ -49,7 +49,7 @@ class ReadRules(NamedTuple):
 
     Attributes:
         text: what was offered.
-        constraints: what it says; None if it is refused.
+        constraints: what is in it; None if it is refused.
         feature_map: that of the constraints; None if it is refused.
         problem: why it is refused; else empty.
     """
@@ -82,7 +82,7 @@ class RulesReader:
 
     @property
     def is_busy(self) -> bool:
-        """Whether something was offered of which :meth:`take` has not returned the answer."""
+        """Whether something was offered of which :meth:`poll` has not returned the answer."""
         return self._newest is not None
 
     def offer(self, text: str) -> None:
@@ -94,12 +94,12 @@ class RulesReader:
                 self._thread.start()
             self._change.notify()
 
-    def drop(self) -> None:
-        """Forget what was offered."""
+    def clear(self) -> None:
+        """Drop what was offered."""
         with self._change:
             self._newest = self._answer = None
 
-    def take(self) -> ReadRules | None:
+    def poll(self) -> ReadRules | None:
         """Return what became of the newest text, once; None as long as that is not known.
 
         Call it now and then: it also ends a reading that takes too long.

@@ -9,19 +9,19 @@ import re
 import numpy as np
 
 from occ_constraints_pkg.features.extractor import FeatureRows
-from occ_constraints_pkg.ros.diagnostics import why_unknown
-from occ_constraints_pkg.ros.process import OccNode
+from occ_constraints_pkg.nodes.monitor.diagnostics import why_unknown
+from occ_constraints_pkg.ros.node import OccNode
 from occ_constraints_pkg.rules import Judgement, RuleSet, Verdict
 
-# So many changes are told at once; then one line in so many seconds sums up.
+# So many changes are logged at once; then one line in so many seconds sums up.
 _BURST, _SECONDS = 5, 5.0
-_LOOK_SECONDS = 0.5
+_CHECK_SECONDS = 0.5
 # Not those that are part of a name.
 _NUMBER = re.compile(r'(?<![\w.])-?\d[\d.]*(e[-+]?\d+)?(?!\w)')
 
 
 class StateLog:
-    """Tells each change between SAFE, VIOLATED by a rule, and UNKNOWN for a reason.
+    """Logs each change between SAFE, VIOLATED by a rule, and UNKNOWN for a reason.
 
     Args:
         node: logs.
@@ -29,24 +29,24 @@ class StateLog:
 
     def __init__(self, node: OccNode) -> None:
         self._node = node
-        # What is the case, and how it is said.
+        # The present state, and its line.
         self._state: tuple[Verdict, object] | None = None
         self._words = ''
-        # Changes that were not told, and the newest of these that was not to SAFE.
-        self._untold, self._worst = 0, ''
+        # Changes that were not logged, and the newest of these that was not to SAFE.
+        self._unlogged, self._worst = 0, ''
         self._lines, self._counted = float(_BURST), node.steady_seconds()
-        node.steady_timer(_LOOK_SECONDS, self._catch_up)
+        node.steady_timer(_CHECK_SECONDS, self._log_if_due)
 
-    def judged(
+    def log_judgement(
         self, rule_set: RuleSet, rows: FeatureRows, judgement: Judgement, state: Verdict
     ) -> None:
-        """Take note of a judgement.
+        """Log a judgement if it is a change.
 
         Args:
             rule_set: the rules that judged.
             rows: what they judged.
             judgement: of these rows.
-            state: the steady verdict, of a single robot; of several the worst one is told.
+            state: the steady verdict, of a single robot; of several the worst one is logged.
         """
         robot, robots = 0, len(judgement.verdict)
         if robots > 1:
@@ -54,25 +54,25 @@ class StateLog:
             state = Verdict(judgement.verdict[robot])
         sample = rows.values[robot]
         if state is Verdict.UNKNOWN:
-            self._note_unknown(rows.note or why_unknown(rule_set, sample), robot, robots)
+            self._change_to_unknown(rows.note or why_unknown(rule_set, sample), robot, robots)
             return
-        place = int(judgement.rule[robot]) if state is Verdict.VIOLATED else -1
-        if self._state == (state, place):
+        rule = int(judgement.rule[robot]) if state is Verdict.VIOLATED else -1
+        if self._state == (state, rule):
             return
-        if state is Verdict.VIOLATED and place < 0:
+        if state is Verdict.VIOLATED and rule < 0:
             # Steady still, though this input is safe.
             return
         if state is Verdict.SAFE:
             words = f'SAFE, margin {judgement.margin[robot]:.3g}'
         else:
-            words = f'VIOLATED: {_broken(rule_set, sample, place)}'
-        self._change(state, place, words + _which(robot, robots))
+            words = f'VIOLATED: {_violated(rule_set, sample, rule)}'
+        self._change(state, rule, words + _which(robot, robots))
 
-    def unknown(self, reason: str) -> None:
-        """Take note that nothing can be judged."""
-        self._note_unknown(reason, 0, 1)
+    def log_unknown(self, reason: str) -> None:
+        """Log that nothing can be judged, if that is a change."""
+        self._change_to_unknown(reason, 0, 1)
 
-    def _note_unknown(self, reason: str, robot: int, robots: int) -> None:
+    def _change_to_unknown(self, reason: str, robot: int, robots: int) -> None:
         # The same reason with other numbers is no news.
         kind = _NUMBER.sub('', reason)
         if self._state != (Verdict.UNKNOWN, kind):
@@ -80,14 +80,14 @@ class StateLog:
 
     def _change(self, state: Verdict, kind: object, words: str) -> None:
         self._state, self._words = (state, kind), words
-        self._untold += 1
+        self._unlogged += 1
         if state is not Verdict.SAFE:
             self._worst = words
-        self._catch_up()
+        self._log_if_due()
 
-    def _catch_up(self) -> None:
-        """Tell what is the case, if that is due."""
-        if not self._untold:
+    def _log_if_due(self) -> None:
+        """Log the present state, unless that has been done or there were too many lines."""
+        if not self._unlogged:
             return
         now = self._node.steady_seconds()
         self._lines = min(self._lines + (now - self._counted) / _SECONDS, _BURST)
@@ -96,20 +96,20 @@ class StateLog:
             return
         self._lines -= 1.0
         words, log = self._words, self._node.get_logger()
-        if self._untold > 1:
+        if self._unlogged > 1:
             before = f'; before: {self._worst}' if self._state[0] is Verdict.SAFE else ''
-            words += f' ({self._untold} changes since the last line{before})'
-        # What was worse than SAFE is told as such, though it may be over.
+            words += f' ({self._unlogged} changes since the last line{before})'
+        # What was worse than SAFE is logged as such, though it may be over.
         if self._worst:
             log.warning(words)
         else:
             log.info(words)
-        self._untold, self._worst = 0, ''
+        self._unlogged, self._worst = 0, ''
 
 
-def _broken(rule_set: RuleSet, sample: np.ndarray, place: int) -> str:
-    """Say which rule is broken, by which values, and how many others are."""
-    rule, space = rule_set.rules[place], rule_set.space
+def _violated(rule_set: RuleSet, sample: np.ndarray, index: int) -> str:
+    """Return which rule is violated, by which values, and how many others are."""
+    rule, space = rule_set.rules[index], rule_set.space
     values = ', '.join(
         f'{space.names[feature]} = {sample[feature]:.4g}'
         for feature in dict.fromkeys(literal.feature for literal in rule.literals)

@@ -15,7 +15,8 @@ from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallba
 from rclpy.parameter import Parameter
 
 from occ_constraints_pkg.errors import ConfigurationError, OccError
-from occ_constraints_pkg.ros.process import OccNode
+from occ_constraints_pkg.ros.node import OccNode
+from occ_constraints_pkg.ros.rclpy_internals import lifecycle_state, lifecycle_transitions
 
 
 class ManagedNode(LifecycleNodeMixin, OccNode):
@@ -25,7 +26,7 @@ class ManagedNode(LifecycleNodeMixin, OccNode):
     :meth:`cleanup`, and asks :attr:`is_active` before it does anything that only an active node
     may: rclpy goes on calling the callbacks of subscriptions and timers in every state.
 
-    An :class:`OccError` in :meth:`configure` is told in one sentence, and the node stays
+    An :class:`OccError` in :meth:`configure` is reported in one sentence, and the node stays
     unconfigured. Anything else that goes wrong in a transition is a defect; its traceback is
     logged.
 
@@ -50,12 +51,12 @@ class ManagedNode(LifecycleNodeMixin, OccNode):
     @property
     def state(self) -> str:
         """The present state: ``unconfigured``, ``inactive``, ``active`` or ``finalized``."""
-        return self._state_machine.current_state[1]
+        return lifecycle_state(self)[1]
 
     @property
     def is_active(self) -> bool:
         """Whether the node is active."""
-        return self._state_machine.current_state[0] == State.PRIMARY_STATE_ACTIVE
+        return lifecycle_state(self)[0] == State.PRIMARY_STATE_ACTIVE
 
     def begin(self) -> None:
         """Configure and activate, if the parameter ``autostart`` says so.
@@ -129,7 +130,7 @@ class ManagedNode(LifecycleNodeMixin, OccNode):
     ) -> ChangeState.Response:
         """Refuse a transition that the state does not have; given by number, rclpy raises."""
         asked = request.transition
-        there = {one[0]: one[1] for one in self._state_machine.available_transitions}
+        there = lifecycle_transitions(self)
         if asked.label or asked.id in there:
             return self._change_state(request, response)
         self.get_logger().error(
@@ -172,7 +173,7 @@ class ManagedNode(LifecycleNodeMixin, OccNode):
             if undo is not None:
                 undo()
             if not self._is_starting:
-                # What ends the start is told by whoever called `begin`.
+                # What ends the start is reported by whoever called `begin`.
                 self.get_logger().error(f'{step.__name__} failed: {error}')
             return TransitionCallbackReturn.FAILURE
         except Exception:

@@ -7,14 +7,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from occ_constraints_pkg.ros.process import OccNode
+from occ_constraints_pkg.ros.node import OccNode
 from occ_constraints_pkg.rosbag.topic_filter import TopicFilter
-
-RCLError = rclpy_implementation.RCLError
-"""Raised by rclpy, among others, for a second type on a topic; it has no public name."""
 
 # What a recorder may fall behind, and what a player keeps for whoever comes later.
 _DEPTH = 1000

@@ -4,7 +4,7 @@ import pytest
 
 pytest.importorskip('rclpy', reason="needs the extra 'ros'")
 
-from occ_constraints_pkg.ros.arrival import ArrivalClock
+from occ_constraints_pkg.ros.clocks import ArrivalClock
 
 
 class Node:

@@ -7,9 +7,8 @@ from hypothesis import strategies as st
 
 pytest.importorskip('rclpy', reason="needs the extra 'ros'")
 
-from occ_constraints_pkg.nodes.monitor.costs import costs_message
-from occ_constraints_pkg.ros.messages import table_message
-from occ_constraints_pkg.ros.tables import costs_table
+from occ_constraints_pkg.nodes.monitor.outputs import costs_message, costs_table
+from occ_constraints_pkg.ros.tables import table_message
 from occ_constraints_pkg.rules import Judgement
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import PointCloud2

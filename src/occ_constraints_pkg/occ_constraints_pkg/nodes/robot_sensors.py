@@ -22,7 +22,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.ros.messages import to_time
-from occ_constraints_pkg.ros.process import OccNode
+from occ_constraints_pkg.ros.node import OccNode
 from occ_constraints_pkg.ros.qos import STEPS, overridable
 from occ_constraints_pkg.worlds.base import World
 from occ_constraints_pkg.worlds.view import RobotView, Thing

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""``occ train``, ``evaluate`` and ``drive``."""
+"""Commands on simulated worlds: ``occ train``, ``evaluate`` and ``drive``."""
 
 from __future__ import annotations
 
@@ -16,10 +16,11 @@ from occ_constraints_pkg.cli.common import (
     number,
     print_json,
     progress_bar,
+    report,
     say,
-    tell,
 )
 from occ_constraints_pkg.errors import ConfigurationError, import_needed
+from occ_constraints_pkg.files import check_outputs
 from occ_constraints_pkg.stopping import parent_is_gone, stop_request
 from occ_constraints_pkg.worlds.registry import check_world
 
@@ -90,7 +91,7 @@ def _learner(_context: Any, _parameter: Any, texts: tuple[str, ...]) -> dict[str
     metavar='FIRST:END',
     help='Several trainings over the cores, each in OUTPUT/seed_N; 0:5 means 0 to 4.',
 )
-@click.option('--resume', is_flag=True, help='Go on from the checkpoint in OUTPUT, if any.')
+@click.option('--resume', is_flag=True, help='Continue from the checkpoint in OUTPUT, if any.')
 @click.option('--device', default='cpu', show_default=True, help='Where updates are computed.')
 @click.option(
     '--processes',
@@ -123,9 +124,10 @@ def train(
     learner: dict[str, Any],
     as_json: bool,
 ) -> None:
-    """Train a policy in one process, without ROS, or several with different seeds.
+    """Train a policy that obeys rules, without ROS.
 
-    A stopped training (Ctrl-C) is saved; the same command with --resume continues it exactly.
+    With --seeds several are trained, in processes of their own. A stopped training (Ctrl-C) is
+    saved; the same command with --resume continues it exactly.
 
     \b
     Example: occ train PointGoal1 --cost constraints.yaml --steps 1000000 -o runs/mine
@@ -143,7 +145,7 @@ def train(
     else:
         _train_several(settings, seeds, Path(output), resume, limit, as_json)
     if stop_request.made:
-        # All is saved; told and ended as any other stopped command.
+        # All is saved; reported and ended as any other stopped command.
         raise KeyboardInterrupt
 
 
@@ -160,10 +162,10 @@ def _train_one(run: Any, settings: Any, output: Path, resume: bool, as_json: boo
                 f'multiplier {metrics.multiplier:.2f} {metrics.steps_per_s:.0f} steps/s',
             ),
             is_stopped=lambda: stop_request.made or parent_is_gone(),
-            say=tell,
+            say=report,
         )
     if not result.history:
-        tell('stopped before the first update; nothing was learned')
+        report('stopped before the first update; nothing was learned')
         return
     _draw_curves(output, [result.history], result.cost_limit, settings.cost)
     if as_json:
@@ -192,7 +194,7 @@ def _train_several(
         directories = train_seeds(arguments, seeds, output, progress=show)
     summary, histories = seeds_summary(directories)
     if not histories:
-        tell('stopped before the first update of any seed; nothing was learned')
+        report('stopped before the first update of any seed; nothing was learned')
         return
     _draw_curves(output, histories, limit, settings.cost)
     if as_json:
@@ -213,7 +215,7 @@ def _draw_curves(output: Path, histories: list, limit: float, cost: str) -> None
     try:
         from occ_constraints_pkg.agents.curves import draw_training
     except ModuleNotFoundError:
-        tell("no curves.png: it needs the extra 'report'")
+        report("no curves.png: it needs the extra 'report'")
         return
     draw_training(
         output / 'curves.png',
@@ -235,7 +237,9 @@ def _interval(numbers: dict[str, Any], name: str) -> str:
 @click.option('--seed', default=1, type=click.IntRange(min=0), show_default=True)
 @click.option('--explore', is_flag=True, help='Sample actions instead of taking the mean.')
 @click.option(
-    '--cost', type=click.Path(), help='Constraints file that tells the cost; default: true cost.'
+    '--cost',
+    type=click.Path(),
+    help='Constraints file to take the cost from; default: true cost.',
 )
 @JSON
 def evaluate(
@@ -247,7 +251,7 @@ def evaluate(
     cost: str | None,
     as_json: bool,
 ) -> None:
-    """Drive fresh episodes with trained policies or drivers; print return and cost.
+    """Measure return and cost of policies and drivers on fresh episodes.
 
     Of one policy the 95 % intervals are over episodes, of several over policies.
 
@@ -309,3 +313,117 @@ def _world_of(policy: str) -> str:
     if not policy.endswith('.npz'):
         raise ConfigurationError(f'{policy!r} is no policy file (.npz), and a driver needs --world')
     return GaussianPolicy.load(policy).world
+
+
+@click.command()
+@click.argument('world')
+@click.option('--driver', default='expert', show_default=True, help='A driver or a policy file.')
+@click.option(
+    '-o',
+    '--output',
+    default='drive.gif',
+    show_default=True,
+    type=click.Path(),
+    help='.png: picture of the trajectory; .gif, or .mp4 with ffmpeg: film.',
+)
+@click.option(
+    '--steps',
+    type=click.IntRange(min=1),
+    help='Largest number of steps, except on the highway; default: a whole episode.',
+)
+@click.option(
+    '--seed',
+    default=0,
+    type=click.IntRange(min=0),
+    show_default=True,
+    help='On the highway: number of the scenario.',
+)
+@click.option(
+    '-c',
+    '--constraints',
+    type=click.Path(),
+    help='On the highway: rules whose violations are drawn beside the trajectory.',
+)
+@JSON
+def drive(
+    world: str,
+    driver: str,
+    output: str,
+    steps: int | None,
+    seed: int,
+    constraints: str | None,
+    as_json: bool,
+) -> None:
+    """Draw one episode from above, as a picture or a film.
+
+    \b
+    Example: occ drive CarPush1 --driver expert -o drive.gif
+    Example: occ drive highway -c rules.yaml -o drive.png
+    """
+    import numpy as np
+
+    from occ_constraints_pkg.agents.drivers import check_driver, find_driver
+    from occ_constraints_pkg.worlds.registry import make_world
+
+    check_driver(world, driver)
+    on_highway = world.startswith('highway')
+    if on_highway and steps is not None:
+        raise ConfigurationError(f'--steps is not for world {world}; allowed is a whole episode')
+    if constraints is not None and not on_highway:
+        raise ConfigurationError(
+            f'--constraints is not for world {world}; allowed are the highways'
+        )
+    if on_highway:
+        numbers = _drive_highway(world, driver, Path(output), seed, constraints)
+        _print_drive(output, numbers, as_json)
+        return
+    film = import_needed('occ drive', 'occ_constraints_pkg.worlds.film')
+    check_outputs({output: film.kind_of(Path(output))}, [driver])
+    simulated = make_world(world, 1)
+    act = find_driver(simulated, driver, np.random.default_rng(seed))
+    with progress_bar('drawing') as progress:
+        numbers = film.draw_episode(
+            Path(output),
+            simulated,
+            act,
+            steps=steps or simulated.max_episode_steps,
+            seed=seed,
+            progress=progress,
+        )
+    simulated.close()
+    _print_drive(output, numbers, as_json)
+
+
+def _drive_highway(
+    world: str, driver: str, output: Path, number: int, constraints: str | None
+) -> dict[str, float]:
+    """Draw an episode of a scenario of the highway; return its steps, return and cost."""
+    import numpy as np
+
+    from occ_constraints_pkg.agents.drivers import find_driver
+    from occ_constraints_pkg.rules.constraints_file import load_constraints
+    from occ_constraints_pkg.worlds.registry import world_class
+
+    film = import_needed('occ drive', 'occ_constraints_pkg.agents.highway_film')
+    check_outputs({output: film.kind_of(output)}, [driver, *([constraints] if constraints else [])])
+    kind = world_class(world)
+    if number >= kind.scenarios:
+        raise ConfigurationError(
+            f'world {world} has no scenario {number}; allowed are 0 to {kind.scenarios - 1}'
+        )
+    rules = None if constraints is None else load_constraints(constraints)
+    act = find_driver(kind, driver, np.random.default_rng(number))
+    drive = film.drive_through(act, number)
+    film.draw_drives(output, {Path(driver).stem: drive}, rules)
+    steps = len(drive.vehicles) - 1
+    return {'steps': steps, 'return': drive.returned, 'cost': float(bool(drive.end))}
+
+
+def _print_drive(output: str, numbers: dict[str, float], as_json: bool) -> None:
+    if as_json:
+        print_json({'output': output, **numbers})
+        return
+    say(
+        f'{output}: {numbers["steps"]} steps, return {numbers["return"]:.2f}, '
+        f'cost {numbers["cost"]:.0f}'
+    )

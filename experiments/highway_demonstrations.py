@@ -7,17 +7,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-
 from occ_constraints_pkg.worlds.highway import Highway
 from occ_constraints_pkg.worlds.highway_features import features
 from occ_constraints_pkg.worlds.highway_scenarios import TRAFFIC, scenario
 from occ_constraints_pkg.worlds.highway_traffic import IDENTITY, Traffic
 
 
-def traffic_drives(
+def traffic_episodes(
     numbers: Sequence[int], steps: int = Highway.max_episode_steps
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Let the traffic of some scenarios drive, the car whose place the ego takes included.
+    """Simulate the traffic of some scenarios, the car whose place the ego takes included.
 
     As in the recordings of highD each vehicle is a demonstrator, and others are its neighbours.
 
@@ -27,16 +26,16 @@ def traffic_drives(
 
     Returns:
         (n, 10) float32, the ten features of each vehicle at each step, the first state included,
-        in the order of time; (n,) int64, the drive that each belongs to, one per vehicle.
+        in the order of time; (n,) int64, the episode of each, one per vehicle.
     """
     vehicles, scenes = TRAFFIC + 1, len(numbers)
     traffic = Traffic(scenes, vehicles, controlled=False)
     traffic.start(np.arange(scenes), [scenario(number) for number in numbers])
     rows, columns = np.divmod(np.arange(vehicles * scenes), scenes)
-    states, drives = [], []
+    states, episodes = [], []
     for step in range(steps + 1):
         if step:
             traffic.step()
         states.append(features(traffic, rows, columns).astype(np.float32))
-        drives.append(columns * vehicles + traffic.whole[IDENTITY][rows, columns])
-    return np.concatenate(states), np.concatenate(drives)
+        episodes.append(columns * vehicles + traffic.whole[IDENTITY][rows, columns])
+    return np.concatenate(states), np.concatenate(episodes)

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Verdicts in words: DiagnosticArray messages for people and viewers."""
+"""Verdicts in words: DiagnosticArray messages for people and viewers, and for the gate."""
 
 from __future__ import annotations
 
@@ -12,16 +12,15 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from occ_constraints_pkg.ros.messages import to_time
-from occ_constraints_pkg.rules.forecast import Forecast
 from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.rules.verdict import Judgement, Verdict
 
-# Name of the status that tells a robot's verdict.
+# Name of the status with a robot's verdict.
 _VERDICT_NAME = 'monitor: verdict'
 # How the name of a violated rule's status begins.
 _RULE_NAME = 'monitor: rule '
 # Key of the wall time of judging, in ns. The stamp is the input's, which a simulation or recording
-# sets as it likes, so it cannot tell a verdict of now from one that is played back.
+# sets as it likes, so it does not show whether a verdict is of now or played back.
 _JUDGED_AT = 'judged_at'
 _IS_TIME = re.compile('[0-9]{1,19}')
 # Robots of a batch that one message describes at most.
@@ -43,14 +42,14 @@ def violation_message(
     """Describe a single robot, or the first few of a batch that are not safe.
 
     For each robot one status with the verdict, then one for every enabled rule it violates, with
-    the rule's id, text, formula, margin and the values of the features it speaks of.
+    the rule's id, text, formula, margin and the values of its features.
 
     Args:
         rule_set: the rules that judged.
         values: (n, k) the features judged.
         judgement: of the n rows.
         stamp_ns: stamp of the input.
-        more: what else to tell of robot 0, as :func:`foreseen_values`; None for nothing.
+        more: further values for robot 0; None for none.
     """
     robots = np.flatnonzero(judgement.verdict != Verdict.SAFE)[:_MOST_ROBOTS]
     if not len(robots):
@@ -67,28 +66,8 @@ def violation_message(
     return message
 
 
-def foreseen_values(rule_set: RuleSet, forecast: Forecast, horizon: float) -> dict[str, object]:
-    """Return what a forecast says, for people.
-
-    Args:
-        rule_set: the rules it speaks of.
-        forecast: of one robot.
-        horizon: seconds within which ``warning`` puts it in words, if the robot is safe still.
-    """
-    values: dict[str, object] = {'time_to_violation': forecast.seconds}
-    if forecast.rule >= 0:
-        rule, feature = rule_set.rules[forecast.rule], rule_set.space.names[forecast.feature]
-        values |= {'next_rule': rule.id, 'deciding_feature': feature}
-        if 0.0 < forecast.seconds <= horizon:
-            values['warning'] = (
-                f'estimate: {rule.words(rule_set.space)} in {forecast.seconds:.2g} s, decided by '
-                f'{feature}'
-            )
-    return values
-
-
 def unknown_message(reason: str, rule_set: RuleSet | None, stamp_ns: int) -> DiagnosticArray:
-    """Say that nothing can be judged, and why; ``stamp_ns`` is that of the last input."""
+    """Return that nothing can be judged, and why; ``stamp_ns`` is that of the last input."""
     values = _summary(0, Verdict.UNKNOWN, math.nan, rule_set)
     message = DiagnosticArray()
     message.header.stamp = to_time(stamp_ns)
@@ -103,13 +82,13 @@ def report_message(
     values: dict[str, object],
     stamp_ns: int,
 ) -> DiagnosticArray:
-    """Say how the monitor stands, for ``/diagnostics``.
+    """Report how the monitor is doing, for ``/diagnostics``.
 
     Args:
         name: of the status.
         state: the verdict to report.
         problem: why nothing is judged.
-        values: what else to tell.
+        values: further values.
         stamp_ns: now.
     """
     text = f'{state.name}: {problem}' if problem else state.name
@@ -119,11 +98,11 @@ def report_message(
 
 
 def read_verdict(message: DiagnosticArray) -> tuple[Verdict, float, str]:
-    """Return the worst verdict that a message on ``violation`` tells, its margin, and its words.
+    """Return the worst verdict in a message on ``violation``, its margin, and its words.
 
-    A message that tells none is UNKNOWN. The margin is NaN where it is missing or no number.
+    A message without any is UNKNOWN. The margin is NaN where it is missing or no number.
     """
-    worst = Verdict.UNKNOWN, math.nan, 'UNKNOWN: the message on violation tells no verdict'
+    worst = Verdict.UNKNOWN, math.nan, 'UNKNOWN: the message on violation has no verdict'
     severity = -1
     for item in message.status:
         if item.name != _VERDICT_NAME:
@@ -137,7 +116,7 @@ def read_verdict(message: DiagnosticArray) -> tuple[Verdict, float, str]:
 
 
 def read_judged_at(message: DiagnosticArray) -> int | None:
-    """Return the wall time in ns at which a monitor judged; None where no verdict tells it.
+    """Return the wall time in ns at which a monitor judged; None where no verdict has it.
 
     One that cannot be read is 0, which is as old as can be.
     """
@@ -174,7 +153,7 @@ def status(
 
 
 def why_unknown(rule_set: RuleSet, sample: np.ndarray) -> str:
-    """Say which features of one sample (k,) cannot be judged, and why."""
+    """Return which features of one sample (k,) cannot be judged, and why."""
     space = rule_set.space
     reasons = []
     for feature, value in zip(space.features, sample, strict=True):
@@ -216,7 +195,7 @@ def _robot_statuses(
             'text': rule.words(rule_set.space),
             'formula': rule.formula(rule_set.space),
             'margin': float(margins[index]),
-            **{rule_set.space.names[place]: float(sample[place]) for place in features},
+            **{rule_set.space.names[feature]: float(sample[feature]) for feature in features},
         }
         name = f'{_RULE_NAME}{rule.id}'
         statuses.append(status(name, DiagnosticStatus.ERROR, details['text'], details, robot))

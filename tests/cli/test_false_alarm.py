@@ -10,7 +10,7 @@ from occ_constraints_pkg.rules.constraints_file import load_constraints
 
 
 @pytest.fixture
-def drives(tmp_path, monkeypatch):
+def tables(tmp_path, monkeypatch):
     """Go to a folder with tables: 20 episodes of free movement, and 9 that went to the limit."""
     monkeypatch.chdir(tmp_path)
     rng = np.random.default_rng(0)
@@ -23,12 +23,12 @@ def drives(tmp_path, monkeypatch):
         np.savetxt(f'{name}.csv', table, delimiter=',', header=','.join(columns), comments='')
 
 
-def test_the_promise_is_printed_recorded_and_shown(drives, run_occ):
+def test_the_guarantee_is_printed_recorded_and_shown(tables, run_occ):
     code, text, _ = run_occ('learn drives.csv -o rules.yaml --false-alarm 0.1')
     assert code == 0
-    promise = next(line for line in text.splitlines() if line.startswith('False alarms: '))
-    assert 'probability at most 0.1 (bound 0.1 from 9 safe episodes' in promise
-    assert promise in run_occ('show rules.yaml')[1]
+    guarantee = next(line for line in text.splitlines() if line.startswith('False alarms: '))
+    assert 'probability at most 0.1 (bound 0.1 from 9 safe episodes' in guarantee
+    assert guarantee in run_occ('show rules.yaml')[1]
     shown = json.loads(run_occ('show rules.yaml --json')[1])
     assert shown['calibration'] == load_constraints('rules.yaml').learner['calibration']
     assert shown['calibration']['episodes'] == 9
@@ -36,7 +36,7 @@ def test_the_promise_is_printed_recorded_and_shown(drives, run_occ):
     assert told['calibration'] == shown['calibration']
 
 
-def test_safe_episodes_from_elsewhere_move_the_bounds(drives, run_occ):
+def test_safe_episodes_from_elsewhere_move_the_bounds(tables, run_occ):
     code, text, _ = run_occ(
         'learn drives.csv -o rules.yaml --false-alarm 0.1 --calibrate-on far.csv'
     )
@@ -55,7 +55,7 @@ def test_safe_episodes_from_elsewhere_move_the_bounds(drives, run_occ):
         ('--calibrate-on far.csv', 'no false_alarm to promise'),
     ],
 )
-def test_what_cannot_be_promised_is_told_in_one_sentence(drives, run_occ, options, sentence):
+def test_what_cannot_be_guaranteed_is_told_in_one_sentence(tables, run_occ, options, sentence):
     code, text, error = run_occ(f'learn drives.csv -o rules.yaml {options}')
     assert (code, text) == (2, '')
     assert sentence in error

@@ -1,0 +1,318 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""The command line of the experiments."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+from occ_constraints_pkg.cli.common import (
+    JSON,
+    checked_cost_limit,
+    help_without_command,
+    print_json,
+    progress_bar,
+    report,
+    say_lines,
+)
+from occ_constraints_pkg.errors import import_needed
+from occ_constraints_pkg.stopping import stop_request
+
+_AT_LEAST_0, _AT_LEAST_1 = click.IntRange(min=0), click.IntRange(min=1)
+_SEED = click.option('--seed', default=0, type=_AT_LEAST_0, show_default=True)
+
+
+@click.group(invoke_without_command=True, context_settings={'help_option_names': ['-h', '--help']})
+@click.pass_context
+def cli(context: click.Context) -> None:
+    """Repeat the paper's and the article's experiments, from the root of a clone.
+
+    Each writes NAME.json and NAME.md to its directory.
+
+    \b
+    Example: python -m experiments article --set Iris
+    """
+    help_without_command(context)
+
+
+def _writes(default: str = 'results') -> Callable[..., Any]:
+    """Add the options about output to a command."""
+    output = click.option(
+        *('-o', '--output'), default=default, show_default=True, type=click.Path(path_type=Path)
+    )
+    return lambda command: output(JSON(command))
+
+
+def _reads(name: str) -> Callable[..., Any]:
+    """Add the option that names the folder of an experiment's data."""
+    return click.option(
+        '--data',
+        'folder',
+        type=click.Path(exists=True, file_okay=False, path_type=Path),
+        help=f'Folder of the data; default: {name} in OCC_TEST_DATA or in ../shared/data.',
+    )
+
+
+def _run(name: str, label: str, output: Path, as_json: bool, **given: Any) -> None:
+    """Run an experiment and print what it found.
+
+    Args:
+        name: of its module, whose function ``run_NAME`` is called.
+        label: of the progress bar.
+        output: directory of the results.
+        as_json: print the document instead of the page.
+        **given: other arguments of the function.
+    """
+    run = getattr(_module(name), f'run_{name}')
+    with progress_bar(label) as progress:
+        result = run(output, progress=progress, **given)
+    for reason in result.get('skipped', {}).values():
+        report(f'skipped: {reason}')
+    if as_json:
+        print_json(result)
+    elif result.get('lines', True):
+        say_lines((output / f'{name}.md').read_text(encoding='utf-8'))
+
+
+def _module(name: str) -> Any:
+    return import_needed(f'the experiment {name}', f'experiments.{name}')
+
+
+@cli.command()
+@_reads('oneclass')
+@click.option('--splits', default=20, show_default=True, help='Random splits per line.')
+@_SEED
+@click.option('--set', 'names', multiple=True, help='Run only this data set; may be repeated.')
+@_writes()
+def article(**given: Any) -> None:
+    """Repeat the benchmark of the OC-tree article.
+
+    A stopped run continues where it was. Needs scikit-learn.
+
+    \b
+    Example: python -m experiments article --set Iris -o results
+    """
+    _run('article', 'lines', **given)
+
+
+@cli.command()
+@click.option(
+    '--samples', default=100_000, show_default=True, help='Most samples to learn from, per line.'
+)
+@click.option('--draws', default=5, show_default=True, help='Random draws per line.')
+@_SEED
+@click.option('--world', 'names', multiple=True, help='Run only this world; may be repeated.')
+@_writes()
+def truth(**given: Any) -> None:
+    """Compare learned rules with the true cost of a world.
+
+    The demonstrations are an expert's. Writes truth.png as well; a stopped run continues where it
+    was.
+
+    \b
+    Example: python -m experiments truth --world PointGoal1 -o results
+    """
+    _run('truth', 'lines', **given)
+
+
+@cli.command()
+@click.option('--world', default='PointGoal1', show_default=True)
+@click.option(
+    '--demonstrations', default=50, type=click.IntRange(min=10), show_default=True, help='Episodes.'
+)
+@click.option(
+    '--episodes', default=400, type=click.IntRange(min=100), show_default=True, help='In all.'
+)
+@click.option('--draws', default=100, type=click.IntRange(min=2), show_default=True)
+@_SEED
+@_writes()
+def alarms(output: Path, as_json: bool, **given: Any) -> None:
+    """Measure the false-alarm guarantee on fresh episodes.
+
+    An expert's episodes are divided at random, draw by draw, into demonstrations, calibration
+    episodes and fresh ones.
+
+    \b
+    Example: python -m experiments alarms -o results
+    """
+    settings = _module('alarms').AlarmSettings(**given)
+    _run('alarms', 'draws', output, as_json, settings=settings)
+
+
+@cli.command()
+@click.option('--source', default='PointGoal1', show_default=True, help='World of the expert.')
+@click.option('--target', help='World of the trainings; default: the same.')
+@click.option(
+    '--expert', default='expert', show_default=True, help='Policy file, or the name of a driver.'
+)
+@click.option('--demonstrations', default=50, show_default=True, help='Episodes of the expert.')
+@click.option('--cost-limit', default='demonstrations', show_default=True)
+@click.option(
+    '--steps',
+    default=4_000_000,
+    type=_AT_LEAST_1,
+    show_default=True,
+    help='Robot steps per training.',
+)
+@click.option('--first-seed', default=0, type=_AT_LEAST_0, show_default=True)
+@click.option('--seeds', default=3, type=_AT_LEAST_1, show_default=True, help='Trainings.')
+@_writes('transfer')
+def transfer(output: Path, as_json: bool, **given: Any) -> None:
+    """Train with rules learned from an expert, and compare.
+
+    A stopped run continues where it was.
+
+    \b
+    Example: python -m experiments transfer --expert runs/expert/policy.npz -o results/transfer
+    """
+    from occ_constraints_pkg.agents.drivers import check_driver
+    from occ_constraints_pkg.worlds.registry import check_world
+
+    given['target'] = given['target'] or given['source']
+    check_world(given['target'])
+    check_driver(given['source'], given['expert'])
+    settings = _module('transfer').TransferSettings(**given)
+    _run('transfer', 'training', output, as_json, settings=settings)
+
+
+@cli.command()
+@click.option(
+    '--set',
+    'sets',
+    multiple=True,
+    type=click.Choice(['restricted', 'full']),
+    help='Only this set of scenarios; may be repeated.',
+)
+@click.option('--rules', type=click.Path(), help='Constraints file; default: learn from traffic.')
+@click.option(
+    '--cost-limit', default='demonstrations', show_default=True, callback=checked_cost_limit
+)
+@click.option(
+    '--lasting/--plain',
+    default=True,
+    show_default=True,
+    help='Count a violation that ends an episode to the end of its 40 s, or once.',
+)
+@click.option(
+    '--agent',
+    'agents',
+    multiple=True,
+    type=click.Choice(['RL', 'RL with engineered reward', 'ours']),
+    help='Only this agent; may be repeated.',
+)
+@click.option(
+    '--steps',
+    default=600_000,
+    type=_AT_LEAST_1,
+    show_default=True,
+    help='Robot steps per training.',
+)
+@click.option('--seeds', default=3, type=_AT_LEAST_1, show_default=True)
+@_writes('highway')
+def highway(output: Path, as_json: bool, **given: Any) -> None:
+    """Train on a highway with and without rules of its traffic.
+
+    Writes highway.png, and trajectories as highway_drives.png and .gif, as well. A stopped run
+    continues where it was.
+
+    \b
+    Example: python -m experiments highway --set restricted -o results/highway
+    """
+    chosen = {name: value for name, value in given.items() if value != ()}
+    settings = _module('highway').HighwaySettings(**chosen)
+    with stop_request.listening():
+        _run(
+            *('highway', 'training', output, as_json),
+            settings=settings,
+            is_stopped=lambda: stop_request.made,
+        )
+    if stop_request.made:
+        # All is saved; reported and ended as any other stopped command.
+        raise KeyboardInterrupt
+
+
+@cli.command()
+@_reads('robots')
+@click.option('--kind', 'kinds', multiple=True, help='Only this kind of robot; may be repeated.')
+@_writes()
+def robots(**given: Any) -> None:
+    """Judge recordings of robots, held back or with contact.
+
+    The rules are learned from safe recordings. Recordings are named safe_KIND_NAME,
+    contact_KIND_NAME or bump_KIND_NAME. Writes the feature maps as well.
+
+    \b
+    Example: python -m experiments robots --data recordings --kind tb3 -o results
+    """
+    _run('robots', 'kinds', **given)
+
+
+@cli.command()
+@_reads('robots')
+@click.option(
+    '--bags',
+    default='bags',
+    show_default=True,
+    type=click.Path(path_type=Path),
+    help="This repository's bags.",
+)
+@click.option(
+    '--set', 'names', multiple=True, help='Only this kind of robot, or world; may be repeated.'
+)
+@_writes()
+def warnings(**given: Any) -> None:
+    """Measure how early, and how often falsely, warnings come.
+
+    On recordings as of the experiment robots, and on those of this repository.
+
+    \b
+    Example: python -m experiments warnings -o results
+    """
+    _run('warnings', 'sets', **given)
+
+
+@cli.command()
+@_reads('robots')
+@_writes()
+def debouncing(**given: Any) -> None:
+    """Compare ways to debounce verdicts before the gate stops.
+
+    On recordings as of the experiment robots.
+
+    \b
+    Example: python -m experiments debouncing -o results
+    """
+    _run('debouncing', 'candidates', **given)
+
+
+@cli.command()
+@_reads('driving')
+@click.option('--seeds', default=10, type=_AT_LEAST_1, show_default=True)
+@_writes()
+def ngsim(**given: Any) -> None:
+    """Learn from real drivers on highways and judge others.
+
+    The data are folders ngsim_us101 and ngsim_i80.
+
+    \b
+    Example: python -m experiments ngsim -o results
+    """
+    _run('ngsim', 'learning', **given)
+
+
+@cli.command()
+@_reads('safety_gym_traces')
+@click.option(
+    '--episodes', default=50, type=click.IntRange(min=2), show_default=True, help='For the means.'
+)
+@_writes()
+def worlds(**given: Any) -> None:
+    """Compare the Safety-Gym tasks with safety-gymnasium.
+
+    \b
+    Example: python -m experiments worlds -o results
+    """
+    _run('worlds', 'comparing', **given)

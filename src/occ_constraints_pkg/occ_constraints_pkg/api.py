@@ -1,0 +1,228 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""What a program calls: learn from recordings, check recordings, suggest a feature map."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from occ_constraints_pkg.checking.timeline import BRIDGE_SECONDS, TIMEOUT_SECONDS, make_timeline
+from occ_constraints_pkg.datasets.demonstrations import learn_from_files, read_for_rules
+from occ_constraints_pkg.documents import parse_yaml
+from occ_constraints_pkg.features.feature_map import FeatureMap, load_feature_map
+from occ_constraints_pkg.features.lateness import MAX_LAG_SECONDS
+from occ_constraints_pkg.learning.settings import OCTreeSettings
+from occ_constraints_pkg.rosbag.recording import Recording
+from occ_constraints_pkg.rules.constraints_file import Constraints, load_constraints
+from occ_constraints_pkg.rules.rule import Rule
+from occ_constraints_pkg.rules.verdict import Judgement, Verdict
+from occ_constraints_pkg.suggestion.suggest import suggest
+from occ_constraints_pkg.suggestion.text import suggestion_text
+
+Paths = str | Path | Sequence[str | Path]
+
+
+@dataclass(frozen=True, eq=False)
+class Violation:
+    """A stretch of one episode in which one rule is true.
+
+    Attributes:
+        rule: the rule.
+        recording: name of the recording or table.
+        episode: number of the episode.
+        start: seconds since the recording's first message; for tables the row number.
+        end: when the rule stopped being true, likewise.
+        margin: the rule's smallest own margin in that time, at most 0.
+        values: each feature's value in that sample, by its name.
+
+    Example:
+        >>> constraints = occ.learn('bags/simple_nav_expert', 'simple_nav')
+        >>> report = occ.check('bags/simple_nav_straight', constraints)
+        >>> first = report.violations[0]
+        >>> print(first.rule.words(constraints.space), f'from {first.start:.1f} s, {first.values}')
+        x above 0.9 from 29.7 s, {'x': 0.9014714956283569, 'y': 0.899999737739563}
+    """
+
+    rule: Rule
+    recording: str
+    episode: int
+    start: float
+    end: float
+    margin: float
+    values: Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Report:
+    """What :func:`check` found.
+
+    Attributes:
+        is_safe: whether every sample is SAFE and none was missing.
+        shares: share of the time of each verdict, by its name; of the rows for tables.
+        violations: sorted by recording, episode and start.
+        judgement: verdict, first violated rule and margin of each of the n samples.
+
+    Example:
+        >>> constraints = occ.learn('bags/point_goal_expert', 'PointGoal1')
+        >>> report = occ.check('bags/point_goal_straight', constraints)
+        >>> print(f'{report.shares["VIOLATED"]:.1%} of the time VIOLATED')
+        3.1% of the time VIOLATED
+    """
+
+    is_safe: bool
+    shares: Mapping[str, float]
+    violations: tuple[Violation, ...]
+    judgement: Judgement
+
+
+def learn(
+    paths: Paths,
+    feature_map: FeatureMap | str | Path | None = None,
+    *,
+    false_alarm: float | None = None,
+    calibrate_on: Paths = (),
+    seed: int = 0,
+    **settings: Any,
+) -> Constraints:
+    """Learn constraints from recordings or tables of safe behaviour, as ``occ learn`` does.
+
+    What is damaged, left out or likely not meant is reported as a Python warning.
+
+    Args:
+        paths: rosbag2 directories, MCAP files, or manifests that list them; or ``.npz``, ``.csv``
+            or ``.parquet`` tables.
+        feature_map: a map, the path of one, or the name of a built-in one. Recordings need it;
+            without one every column of a table is a feature.
+        false_alarm: largest probability of an alarm in a fresh safe episode; ``None`` for no
+            guarantee.
+        calibrate_on: safe episodes for that guarantee, from which nothing is learned; none: held-
+            out episodes of ``paths``.
+        seed: chooses the held-out episodes.
+        settings: attributes of :class:`~occ_constraints_pkg.learning.settings.OCTreeSettings`,
+            for example ``contamination=0.01``.
+
+    Raises:
+        OccError: a file cannot be read or lacks a feature, no sample is usable, a setting is not
+            allowed, or there are too few episodes for the guarantee.
+
+    Example:
+        >>> constraints = occ.learn('bags/simple_nav_expert', 'simple_nav', contamination=0.01)
+        >>> for rule in constraints.rules:
+        ...     print(rule.id, rule.words(constraints.space))
+        R94ae8 x below 0.0901
+        R5de3a x above 0.8993
+        Ra3a47 y below 0.09563
+        R62a3d y above 0.8904
+        >>> constraints.save('nav.yaml')
+    """
+    if feature_map is not None and not isinstance(feature_map, FeatureMap):
+        feature_map = load_feature_map(feature_map)
+    sentences: list[str] = []
+    constraints = learn_from_files(
+        _listed(paths),
+        feature_map,
+        OCTreeSettings(**settings),
+        rng=np.random.default_rng(seed),
+        false_alarm=false_alarm,
+        calibrate_on=_listed(calibrate_on),
+        warn=sentences.append,
+    )
+    for sentence in sentences:
+        _warn(sentence)
+    return constraints
+
+
+def check(
+    paths: Paths,
+    constraints: Constraints | str | Path,
+    *,
+    timeout: float = TIMEOUT_SECONDS,
+    bridge: float = BRIDGE_SECONDS,
+    max_lag: float = MAX_LAG_SECONDS,
+) -> Report:
+    """Judge recordings or tables by constraints, as ``occ check`` does.
+
+    Args:
+        paths: recordings only, or tables only, whose columns are found by name.
+        constraints: the constraints, or the path of their file.
+        timeout: seconds that a verdict is valid without new input; after that it is UNKNOWN.
+        bridge: violations of one rule that are at most so many seconds apart count as one.
+        max_lag: seconds that a message may come late until the verdict is UNKNOWN; 0 for any.
+
+    Raises:
+        OccError: a file cannot be read, lacks a feature, or there are recordings and the
+            constraints have no feature map.
+
+    Example:
+        >>> constraints = occ.learn('bags/simple_nav_expert', 'simple_nav')
+        >>> report = occ.check('bags/simple_nav_straight', constraints, timeout=0.5)
+        >>> report.is_safe, len(report.violations)
+        (False, 6)
+    """
+    where = 'the constraints'
+    if not isinstance(constraints, Constraints):
+        where, constraints = str(constraints), load_constraints(constraints)
+    data = read_for_rules(_listed(paths), constraints, where, max_lag=max_lag)
+    for sentence in data.warnings:
+        _warn(sentence)
+    rule_set = constraints.rule_set
+    if rule_set.problem:
+        _warn(f'{where}: {rule_set.problem}, so every verdict is UNKNOWN')
+        judgement = Judgement.unknown(len(data))
+    else:
+        judgement = rule_set.judge(data.values)
+    timeline = make_timeline(rule_set, data, judgement, timeout=timeout, bridge=bridge)
+    violations = tuple(
+        Violation(
+            rule_set.rules[item.rule],
+            data.sources[item.source]['name'],
+            item.episode,
+            item.start,
+            item.end,
+            item.margin,
+            dict(zip(data.names, data.values[item.worst].tolist(), strict=True)),
+        )
+        for item in timeline.violations
+    )
+    is_safe = bool((judgement.verdict == Verdict.SAFE).all() and not timeline.silence.any())
+    return Report(is_safe, timeline.shares, violations, judgement)
+
+
+def suggest_feature_map(path: str | Path) -> FeatureMap:
+    """Suggest a feature map for a recording, as ``occ features suggest`` does.
+
+    The command writes the same map as a commented file, which is to be read and edited. What
+    the recording lacks is reported as a Python warning.
+
+    Args:
+        path: a rosbag2 directory or an MCAP file.
+
+    Raises:
+        OccError: the recording cannot be read, or has no topic of which a feature can be
+            suggested.
+
+    Example:
+        >>> feature_map = occ.suggest_feature_map('bags/simple_nav_expert')
+        >>> print(feature_map.pace, *feature_map.names)
+        observation x y
+    """
+    suggestion = suggest(Recording(path))
+    for sentence in suggestion.warnings:
+        _warn(sentence)
+    where, text = f'the map suggested for {path}', suggestion_text(suggestion)
+    return FeatureMap.from_document(parse_yaml(text, where), where, text=text)
+
+
+def _listed(paths: Paths) -> list[str | Path]:
+    return [paths] if isinstance(paths, str | Path) else list(paths)
+
+
+def _warn(sentence: str) -> None:
+    """Warn at the line that called a function of this module."""
+    warnings.warn(sentence, UserWarning, stacklevel=3)

@@ -10,7 +10,7 @@ from occ_constraints_pkg.errors import InputError
 from occ_constraints_pkg.features.extractor import FeatureRows
 from occ_constraints_pkg.rules import Feature, FeatureSpace, Literal, Rule, RuleSet, Verdict
 from occ_constraints_pkg.rules.gating import SteadyVerdict
-from occ_constraints_pkg.rules.kept_counts import KeptCounts
+from occ_constraints_pkg.rules.persistent_counts import PersistentCounts
 
 pytest.importorskip('rclpy', reason="needs the extra 'ros'")
 
@@ -77,7 +77,7 @@ def monitor(monkeypatch):
     monkeypatch.setattr(module, 'Inputs', Inputs)
     logger = SimpleNamespace(error=lambda *_, **__: None)
     node = SimpleNamespace(get_logger=lambda: logger)
-    rules, outputs = SimpleNamespace(rule_set=RULES, counts=KeptCounts(RULES, '')), Outputs()
+    rules, outputs = SimpleNamespace(rule_set=RULES, counts=PersistentCounts(RULES, '')), Outputs()
     pipeline = module.Pipeline(node, rules, outputs)
     pipeline.subscribe(None, TimeLimits(1.0, 1.0, 1.0))
     pipeline.activate()

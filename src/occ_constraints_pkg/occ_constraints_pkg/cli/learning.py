@@ -154,8 +154,7 @@ def _compare_depths(
 
     from occ_constraints_pkg.datasets.demonstrations import read_demonstrations
     from occ_constraints_pkg.features.feature_map import load_feature_map
-    from occ_constraints_pkg.learning.depths import ablate_depth
-    from occ_constraints_pkg.learning.depths_text import depths_document, describe_depths
+    from occ_constraints_pkg.learning.depths import ablate_depth, depths_document, describe_depths
 
     # Needed at the end only, but a missing module must show now.
     picture = import_needed(

@@ -120,8 +120,16 @@ def test_a_name_alone_is_one_step():
         ('sectors: 4', 'sectors: 9, degrees: [0, 8]', 'sectors of at least 1 degree'),
         ('minus: {topic: odom', 'minus: {topik: odom', "did you mean 'topic'?"),
         ('imu, field: orientation|yaw', 'imu, field: x|abs', "minus: got the step 'abs'"),
-        ('pace: scan', 'pace: {rate: 0}', 'pace.rate: got 0; allowed is a number above 0'),
-        ('pace: scan', 'pace: {rate: .inf}', 'pace.rate: got inf; allowed is a finite number'),
+        (
+            'pace: scan',
+            'pace: {rate: 0}',
+            'pace.rate: got 0; allowed is a number of at least 0.001',
+        ),
+        (
+            'pace: scan',
+            'pace: {rate: .inf}',
+            'pace.rate: got inf; allowed is a number of at most 1000000',
+        ),
         ('pace: scan', 'pace: {hz: 3}', 'pace.hz: unknown key'),
         ('missing: drop', 'missing: dorp', "got 'dorp'; did you mean 'drop'?"),
         ('bounds: [0, 3]', f'bounds: [0, 1{"0" * 400}]', 'a number is too large'),

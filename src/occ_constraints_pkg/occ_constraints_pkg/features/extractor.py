@@ -12,9 +12,8 @@ import numpy as np
 
 from occ_constraints_pkg.errors import DataError
 from occ_constraints_pkg.features.feature_map import FeatureMap, topic_key
-from occ_constraints_pkg.features.fields import header_stamp_ns
+from occ_constraints_pkg.features.fields import TopicReader, header_stamp_ns
 from occ_constraints_pkg.features.lateness import late_words, lateness_of
-from occ_constraints_pkg.features.latest import Held, TopicReader
 from occ_constraints_pkg.features.table import Table
 from occ_constraints_pkg.features.transforms import RowTransforms
 
@@ -38,6 +37,41 @@ class FeatureRows:
     table: Table | None
     repeat: bool
     note: str = ''
+
+
+class LatestValue:
+    """The last message of a topic, with its values once they have been asked for.
+
+    Attributes:
+        message: of rosbags or rclpy, or a :class:`TableMessage`.
+        stamp: its header stamp in ns; None without one.
+        arrival: when it came, in ns.
+        values: (rows, readings) float64; None until :meth:`read`.
+        table: the message as a table, if it is one.
+    """
+
+    def __init__(self, message: Any, stamp: int | None, arrival: int) -> None:
+        self.message, self.stamp, self.arrival = message, stamp, arrival
+        self.values: np.ndarray | None = None
+        self.table: Table | None = None
+
+    def read(self, reader: TopicReader) -> None:
+        """Set ``values``, and ``table`` for a table."""
+        if self.values is None:
+            self.values, self.table = reader.read(self.message)
+
+    def age_ns(self, stamp: int | None, arrival: int) -> int:
+        """Return the distance to the message of the row; the future is as far as the past.
+
+        That a clock has jumped back shows in nothing else.
+        """
+        return abs(self.ahead_ns(stamp, arrival))
+
+    def ahead_ns(self, stamp: int | None, arrival: int) -> int:
+        """Return by how much this message is of a later time than another one."""
+        if stamp is None or self.stamp is None:
+            return self.arrival - arrival
+        return self.stamp - stamp
 
 
 class FeatureExtractor:
@@ -77,8 +111,8 @@ class FeatureExtractor:
             for key, places in groups.items()
         }
         self._transforms = RowTransforms(feature_map)
-        self._held: dict[str, Held] = {}
-        self._now: Held | None = None
+        self._held: dict[str, LatestValue] = {}
+        self._now: LatestValue | None = None
         self._episodes = np.empty(0)
         self._last: tuple[int | None, np.ndarray] = (None, np.empty((0, 0)))
 
@@ -106,7 +140,7 @@ class FeatureExtractor:
         key = topic_key(topic)
         if key not in self._readers:
             return None
-        held = Held(message, header_stamp_ns(message), receive_time_ns)
+        held = LatestValue(message, header_stamp_ns(message), receive_time_ns)
         if key in self._lateness:
             lag = self._lateness[key].lag_ns(held.stamp, *(sent or (receive_time_ns,)))
             if lag > self._max_lag_ns:
@@ -138,7 +172,7 @@ class FeatureExtractor:
                 ages[topic] = held.age_ns(now.stamp, now.arrival) if now and held else None
         return ages
 
-    def _fresh(self, now: Held, besides: set[str]) -> dict[str, Held]:
+    def _fresh(self, now: LatestValue, besides: set[str]) -> dict[str, LatestValue]:
         """Return what is held of each topic and not too old at the message ``now``."""
         return {
             key: held
@@ -146,7 +180,7 @@ class FeatureExtractor:
             if key not in besides and held.age_ns(now.stamp, now.arrival) <= self._max_age_ns
         }
 
-    def _row(self, now: Held, parts: dict[str, Held]) -> FeatureRows:
+    def _row(self, now: LatestValue, parts: dict[str, LatestValue]) -> FeatureRows:
         """Compute the features from the messages in ``parts``."""
         back_ns = 0 if self._now is None else self._now.ahead_ns(now.stamp, now.arrival)
         self._now = now
@@ -173,7 +207,9 @@ class FeatureExtractor:
         self._last = now.stamp, values
         return FeatureRows(row_ns, values, table, repeat, note)
 
-    def _gathered(self, now: Held, parts: dict[str, Held]) -> tuple[np.ndarray, list[int | None]]:
+    def _gathered(
+        self, now: LatestValue, parts: dict[str, LatestValue]
+    ) -> tuple[np.ndarray, list[int | None]]:
         """Return (rows, readings) of several topics, and each reading's stamp."""
         count = max((len(held.values) for held in parts.values()), default=1)
         if self.pace_key:

@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 from rosbags.interfaces import Nodetype
 
-from occ_constraints_pkg.features import cdr_steps
-from occ_constraints_pkg.features.cdr_steps import (
+from occ_constraints_pkg.rosbag import cdr_steps
+from occ_constraints_pkg.rosbag.cdr_steps import (
     MOST_PARTS,
     Cursor,
     UnreadableError,

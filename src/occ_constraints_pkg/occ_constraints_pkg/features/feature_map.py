@@ -131,9 +131,8 @@ class FeatureMap:
             found = features_of(entry, f'{where}: features[{index}]')
             features += found
             entries += [index] * len(found)
-        pace, rate = document['pace'], None
-        if not isinstance(pace, str):
-            pace, rate = '', float(pace['rate'])
+        given = document['pace']
+        pace, rate = (given, None) if isinstance(given, str) else ('', float(given['rate']))
         result = cls(pace, float(document['max_age']), tuple(features), rate)
         for key, value in (('max_age', result.max_age), ('pace.rate', rate or 1.0)):
             if not np.isfinite(value):

@@ -32,21 +32,21 @@ GEOMETRY = ('angle_min', 'angle_increment')
 
 
 class TopicReader:
-    """Reads all that is asked of one topic.
+    """Reads all features of one topic from its messages, be they tables or have fields.
 
     Attributes:
-        places: where its readings stand among those of the map.
+        columns: indices of its readings among those of the map.
 
     Args:
-        places: see above.
+        columns: see above.
         readings: ``(feature, reading)`` of each.
     """
 
-    def __init__(self, places: list[int], readings: Sequence[tuple[str, Reading]]) -> None:
-        self.places = places
-        self._columns = [item for item in readings if item[1].column is not None]
+    def __init__(self, columns: list[int], readings: Sequence[tuple[str, Reading]]) -> None:
+        self.columns = columns
+        self._asked = [item for item in readings if item[1].column is not None]
         self._fields = MessageReader([item for item in readings if item[1].column is None])
-        self._is_table = bool(self._columns)
+        self._is_table = bool(self._asked)
         self._is_unread = not readings
         self._names: tuple[str, ...] | None = None
         self._positions = np.empty(0, dtype=np.intp)
@@ -62,7 +62,7 @@ class TopicReader:
         if not self._is_table and not (self._is_unread and has_points):
             return self._fields.read(message), None
         if not has_points:
-            name, reading = self._columns[0]
+            name, reading = self._asked[0]
             raise DataError(
                 f'feature {name!r} asks for column {reading.column!r} of topic '
                 f'{reading.topic!r}, whose messages are {type(message).__name__}; '
@@ -70,7 +70,7 @@ class TopicReader:
             )
         table = message.table if is_read else Table.from_message(message)
         if table.names != self._names:
-            self._positions = np.array([_find(table, *item) for item in self._columns], np.intp)
+            self._positions = np.array([_find(table, *item) for item in self._asked], np.intp)
             self._names = table.names
         return table.values[:, self._positions].astype(np.float64, copy=False), table
 
@@ -137,7 +137,7 @@ class FieldReader:
         # The type of message in which the path has been found to lead through declared fields.
         self._checked: type | None = None
         self._steps: list[str | int | slice] = []
-        for attribute, index, start, stop in _STEP.findall(reading.field):
+        for attribute, index, start, stop in _STEP.findall(reading.field or ''):
             if attribute:
                 self._steps.append(attribute)
             elif index:
@@ -293,7 +293,7 @@ def header_stamp_ns(message: Any) -> int | None:
     """Return a message's header stamp in ns; None without a header or with the unset stamp 0."""
     if isinstance(message, TableMessage):
         return message.stamp_ns or None
-    stamp = getattr(getattr(message, 'header', None), 'stamp', None)
+    stamp: Any = getattr(getattr(message, 'header', None), 'stamp', None)
     if not (hasattr(stamp, 'sec') and hasattr(stamp, 'nanosec')):
         return None
     return stamp.sec * 1_000_000_000 + stamp.nanosec or None
@@ -311,10 +311,11 @@ def _render(steps: list[str | int | slice]) -> str:
 
 
 def _find(table: Table, name: str, reading: Reading) -> int:
+    column = reading.column or ''
     try:
-        return table.names.index(reading.column)
+        return table.names.index(column)
     except ValueError:
-        hint = did_you_mean(reading.column, table.names) or ';'
+        hint = did_you_mean(column, table.names) or ';'
         raise DataError(
             f'feature {name!r} asks for column {reading.column!r} of topic '
             f'{reading.topic!r}, which the table does not have{hint} '

@@ -54,7 +54,9 @@ def fill_unmeasured(numbers: np.ndarray, missing: str, limits: np.ndarray | None
     """
     if missing == 'unknown':
         return numbers
-    return np.where(is_measured(numbers), numbers, limits if missing == 'max_range' else np.nan)
+    if missing == 'drop' or limits is None:
+        limits = np.full(1, np.nan)
+    return np.where(is_measured(numbers), numbers, limits)
 
 
 def yaw_vector(x: Any, y: Any, z: Any, w: Any) -> tuple[Any, Any]:
@@ -115,7 +117,7 @@ class ArrayReductions:
 
     def __init__(self, readings: Sequence[tuple[int, str, Reading]]) -> None:
         self._missing = readings[0][2].missing
-        self._columns = [column for column, _, _ in readings]
+        self._columns = np.array([column for column, _, _ in readings])
         self._whole = [item for item in readings if item[2].degrees is None]
         self._sectors = [item for item in readings if item[2].degrees is not None]
         self.needs_limits = self._missing == 'max_range'
@@ -219,9 +221,8 @@ class _Pieces:
         has = inside[:, starts]
         parts = np.append(0, np.cumsum(has.sum(axis=1))[:-1])
         columns, order = np.array([column for column, _ in members]), has.nonzero()[1]
-        return cls(
-            reduction, _as_slice(columns), starts, order, None if len(starts) == 1 else parts
-        )
+        joined = None if len(starts) == 1 else parts
+        return cls(reduction, _as_slice(columns), starts, order, joined)
 
     def find(self, values: np.ndarray, measured: np.ndarray | None) -> np.ndarray:
         """Return the (n, parts) extremes of those of (n, length) values that were measured."""

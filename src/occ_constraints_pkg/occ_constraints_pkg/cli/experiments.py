@@ -257,7 +257,7 @@ def depth(
     """
     import numpy as np
 
-    from occ_constraints_pkg.datasets.demonstrations import read_demonstrations
+    from occ_constraints_pkg.datasets.reading import read_demonstrations
     from occ_constraints_pkg.features.feature_map import load_feature_map
     from occ_constraints_pkg.learning.depths import ablate_depth
     from occ_constraints_pkg.learning.depths_text import depths_document, describe_depths

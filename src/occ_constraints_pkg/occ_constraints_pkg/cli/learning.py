@@ -65,7 +65,7 @@ def learn(
     """
     import numpy as np
 
-    from occ_constraints_pkg.datasets.demonstrations import learn_from_files
+    from occ_constraints_pkg.demonstrations.learning import learn_from_files
     from occ_constraints_pkg.features.feature_map import load_feature_map
     from occ_constraints_pkg.learning.guarantee import loss_words
     from occ_constraints_pkg.learning.simplification import size

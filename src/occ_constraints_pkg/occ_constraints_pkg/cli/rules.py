@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from occ_constraints_pkg.checking.timeline import BRIDGE_SECONDS, TIMEOUT_SECONDS, make_timeline
+from occ_constraints_pkg.checking.timeline import BRIDGE_SECONDS, TIMEOUT_SECONDS, check_data
 from occ_constraints_pkg.cli.common import (
     DATA,
     JSON,
@@ -154,7 +154,7 @@ def check(
     from occ_constraints_pkg.checking.early_warning import warning_record
     from occ_constraints_pkg.checking.early_warning_text import describe_warnings, warnings_document
     from occ_constraints_pkg.checking.timeline_text import describe_timeline, timeline_document
-    from occ_constraints_pkg.rules import Judgement, RuleCounts, Verdict
+    from occ_constraints_pkg.rules import RuleCounts, Verdict
     from occ_constraints_pkg.rules.constraints_file import load_constraints, save_derived
 
     check_outputs(
@@ -169,15 +169,13 @@ def check(
     rule_set = loaded.rule_set
     if rule_set.problem:
         warn(f'{constraints} enables no rule, so every verdict is UNKNOWN')
-        judgement = Judgement.unknown(len(data))
-    else:
-        judgement = rule_set.judge(data.values)
+    timeline = check_data(data, rule_set, timeout=timeout, bridge=bridge)
+    judgement = timeline.judgement
     counts = RuleCounts(rule_set)
     counts.add(judgement)
     if counted:
         derived = loaded.with_rule_set(rule_set.with_counts(counts))
         save_derived(derived, counted, overwrite=overwrite)
-    timeline = make_timeline(rule_set, data, judgement, timeout=timeout, bridge=bridge)
     if draw:
         draw.draw_timeline(Path(plot), timeline, rule_set)
     record = None
@@ -191,7 +189,6 @@ def check(
                 bridge=bridge,
                 progress=progress,
             )
-    is_safe = bool((judgement.verdict == Verdict.SAFE).all() and not timeline.silence.any())
     if as_json:
         broken = [
             {'id': rule.id, 'text': rule.words(rule_set.space), 'violated': int(violated)}
@@ -217,7 +214,7 @@ def check(
         say_lines(describe_timeline(timeline, rule_set))
         if record:
             say_lines(describe_warnings(record))
-    return 0 if is_safe else 1
+    return 0 if timeline.is_safe else 1
 
 
 @click.command()

@@ -9,9 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from occ_constraints_pkg.datasets.dataset import Dataset
+from occ_constraints_pkg.datasets.dataset import Dataset, without_repeats
 from occ_constraints_pkg.datasets.reading import read_demonstrations
-from occ_constraints_pkg.datasets.repeats import without_repeats
 from occ_constraints_pkg.demonstrations.concerns import concerns
 from occ_constraints_pkg.errors import ConfigurationError, DataError
 from occ_constraints_pkg.features.feature_map import FeatureMap

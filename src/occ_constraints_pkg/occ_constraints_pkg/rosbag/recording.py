@@ -27,10 +27,12 @@ from occ_constraints_pkg.rosbag.sqlite_file import MAGIC as SQLITE_MAGIC
 from occ_constraints_pkg.rosbag.sqlite_file import SqliteFile
 from occ_constraints_pkg.rosbag.storage import (
     MAX_PIECE_BYTES,
+    ZSTD_SUFFIXES,
     Block,
     Segment,
     StorageFile,
     TopicInfo,
+    Unpacked,
     in_log_order,
     unpack_zstd,
 )
@@ -39,7 +41,6 @@ from occ_constraints_pkg.rosbag.typestores import (
     find_definitions,
     find_typestore,
 )
-from occ_constraints_pkg.rosbag.unpacked import ZSTD_SUFFIXES, Unpacked
 
 _SUFFIXES = ('.mcap', '.db3')
 # Types as ROS 2 named them before its release Dashing, without the part 'msg'.

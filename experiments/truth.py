@@ -131,7 +131,7 @@ def run_truth(
 
 
 class _Drives:
-    """Drives in one world, to learn from and to judge on."""
+    """Trajectories in one world, to learn from and to judge on."""
 
     def __init__(self, world: str, samples: int, draws: int, seed: int) -> None:
         self.world = world

@@ -94,7 +94,7 @@ def show(constraints: str, why: str | None, traffic: bool, as_json: bool) -> Non
     default=TIMEOUT_SECONDS,
     show_default=True,
     type=Seconds(),
-    help='Seconds that a verdict stands without new input; after that the time is UNKNOWN.',
+    help='Seconds that a verdict is valid without new input; after that the time is UNKNOWN.',
 )
 @click.option(
     '--max-lag',

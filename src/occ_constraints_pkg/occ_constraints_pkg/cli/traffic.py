@@ -34,17 +34,19 @@ def import_(format_name: str, path: str, output: str, keep_gaps: bool, as_json: 
     \b
     Example: occ import commonroad USA_US101-11_4_T-1.xml -o bags/us101_11
     """
-    from occ_constraints_pkg.traffic.convert import import_drives
+    from occ_constraints_pkg.traffic.convert import import_trajectories
 
     end_tidily()
     with progress_bar('importing') as progress:
-        result = import_drives(format_name, path, output, keep_gaps=keep_gaps, progress=progress)
+        result = import_trajectories(
+            format_name, path, output, keep_gaps=keep_gaps, progress=progress
+        )
     for sentence in result.warnings:
         warn(sentence)
     if as_json:
         print_json({'output': output, 'format': format_name, **asdict(result)})
         return
-    drives = '1 drive' if result.drives == 1 else f'{result.drives} drives'
+    drives = '1 drive' if result.trajectories == 1 else f'{result.trajectories} drives'
     say(
         f'{output}: {drives}, {result.rows} rows, {result.seconds:.1f} s; '
         f'features {", ".join(result.features)}'

@@ -92,9 +92,9 @@ class Dataset:
 def without_repeats(data: Dataset, earlier: Dataset | None = None) -> tuple[Dataset, list[str]]:
     """Leave out rows that a source of the same content gave before.
 
-    Counted twice, a drive would weigh twice, and lie among the held-out episodes and among those
-    that are learned from. Whether a source is the same is told by its hash, not by its name; two
-    stretches of one recording that overlap share their rows only.
+    Counted twice, an episode would weigh twice, and could be both held out and learned from.
+    Whether a source is the same is told by its hash, not by its name; two stretches of one
+    recording that overlap share their rows only.
 
     Args:
         data: rows of recordings or tables, with the hashes of the sources.
@@ -108,12 +108,12 @@ def without_repeats(data: Dataset, earlier: Dataset | None = None) -> tuple[Data
     if len(set(hashes)) == len(hashes):
         return data, []
     given: dict[str, list[tuple[str, np.ndarray]]] = {}
-    for place, source in enumerate(before):
-        _remember(given, source, _identities(earlier)[_rows_of(earlier, place)])
+    for index, source in enumerate(before):
+        _remember(given, source, _identities(earlier)[_rows_of(earlier, index)])
     keep, sentences = np.ones(len(data), dtype=bool), []
     identities = _identities(data)
-    for place, source in enumerate(data.sources):
-        rows = np.flatnonzero(_rows_of(data, place))
+    for index, source in enumerate(data.sources):
+        rows = np.flatnonzero(_rows_of(data, index))
         repeated = np.zeros(len(rows), dtype=bool)
         for _, known in given.get(source['sha256'], ()):
             repeated |= np.isin(identities[rows], known)
@@ -130,7 +130,7 @@ def without_repeats(data: Dataset, earlier: Dataset | None = None) -> tuple[Data
     rest = data.select(keep)
     numbers = np.zeros(len(rest), dtype=np.int64) if rest.recordings is None else rest.recordings
     left, numbers = np.unique(numbers, return_inverse=True)
-    sources = tuple(data.sources[place] for place in left)
+    sources = tuple(data.sources[index] for index in left)
     return replace(rest, sources=sources, recordings=numbers.astype(np.int64)), sentences
 
 
@@ -138,9 +138,9 @@ def _remember(given: dict[str, list], source: dict, identities: np.ndarray) -> N
     given.setdefault(source['sha256'], []).append((source['name'], identities))
 
 
-def _rows_of(data: Dataset, place: int) -> np.ndarray:
+def _rows_of(data: Dataset, source: int) -> np.ndarray:
     """Tell which rows come from a source: (n,) bool."""
-    return np.ones(len(data), dtype=bool) if data.recordings is None else data.recordings == place
+    return np.ones(len(data), dtype=bool) if data.recordings is None else data.recordings == source
 
 
 def _identities(data: Dataset) -> np.ndarray:

@@ -143,8 +143,8 @@ class _Pusher:
             # for their lateness.
             self._latest[raw.topic] = raw
             return None
-        for held in self._latest.values():
-            self._decode(held)
+        for message in self._latest.values():
+            self._decode(message)
         self._latest.clear()
         return self._decode(raw)
 

@@ -13,14 +13,14 @@ import numpy as np
 from occ_constraints_pkg.errors import DataError
 from occ_constraints_pkg.features.feature_map import FeatureMap, topic_key
 from occ_constraints_pkg.features.fields import TopicReader, header_stamp_ns
-from occ_constraints_pkg.features.lateness import late_words, lateness_of
+from occ_constraints_pkg.features.lateness import describe_lateness, lateness_of
 from occ_constraints_pkg.features.table import Table
 from occ_constraints_pkg.features.transforms import RowTransforms
 
 
 @dataclass(frozen=True)
 class FeatureRows:
-    """The features at one message of the pace topic.
+    """The features at one message of the trigger topic, which the map calls ``pace``.
 
     Attributes:
         stamp_ns: the message's header stamp, or its arrival where it has none.
@@ -28,7 +28,7 @@ class FeatureRows:
         table: the pace message as a table, when it is one.
         repeat: whether header stamp and values are those of the row before: a simulation repeats
             its last observation when nothing answers it. Whoever counts rows skips it. Other values
-            under the same stamp are news, from a sensor whose clock stands still.
+            under the same stamp are new, from a sensor whose clock has stopped.
         note: why all values are missing, if it is not for the messages; else empty.
     """
 
@@ -203,7 +203,7 @@ class FeatureExtractor:
             values, note = np.full_like(values, np.nan), f'time went back by {back_ns * 1e-9:.3g} s'
         elif self._late:
             topic, lag = next(iter(self._late.items()))
-            note = late_words(topic, lag, self._max_lag_ns)
+            note = describe_lateness(topic, lag, self._max_lag_ns)
             values = np.full_like(values, np.nan)
         repeat = now.stamp is not None and now.stamp == last_stamp
         repeat = repeat and np.array_equal(values, last_values, equal_nan=True)

@@ -40,12 +40,13 @@ BUILT_IN_MAPS = tuple(
 class FeatureMap:
     """The features of a rule set and how their topics are aligned in time.
 
-    A value is held until the next message of its topic comes, but not longer than ``max_age``.
+    The latest value of a topic is used (zero-order hold), as long as it is not older than
+    ``max_age``.
 
     Attributes:
         pace: the topic of which every message gives one row, or one per robot for a table; empty
             when ``rate`` is set.
-        max_age: seconds; a held value that is further than this from the message that gives the
+        max_age: seconds; a latest value that is further than this from the message that gives the
             row, by header stamps, or by arrival where one of the two has no stamp, is missing.
         features: the sources, in the order of the feature space.
         rate: rows per second instead of a pace topic: the first message in each period gives a

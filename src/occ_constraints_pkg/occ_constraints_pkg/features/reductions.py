@@ -24,7 +24,7 @@ _PER_DEGREE = 10_000
 _CIRCLE = 360 * _PER_DEGREE
 # In degrees; a scan with beams beyond has no angles that make sense.
 _LARGEST_ANGLE = 36_000
-# How each extreme is found, and what stands for a value that does not count.
+# How each extreme is found, and its identity, with which values that do not count are replaced.
 _EXTREMES = {'min': (np.minimum, np.inf), 'max': (np.maximum, -np.inf)}
 # What np.mean and np.linalg.norm compute, in a third of their time for few numbers.
 _SUMS: dict[str, Callable[[np.ndarray], float]] = {
@@ -232,7 +232,7 @@ class _Pieces:
         found = self._join(pick, np.where(measured, values, worst))
         doubtful = found == worst
         if np.count_nonzero(doubtful):
-            # The worst value stands for a part without a return, or was measured (-Inf).
+            # A part without a return, unless the value itself was measured (-Inf).
             found[doubtful & ~self._join(np.logical_or, measured)] = np.nan
         return found
 

@@ -9,8 +9,7 @@ string or sequence; between them, fields lie at distances that are known beforeh
 done for all messages together, as an operation on arrays of positions.
 
 Messages are walked through to their end and must be as long as they say; what is wrong with one
-that is not, or that lacks an element asked for, is left to be told by a decoder that reads one
-message at a time.
+that is not, or that lacks an element asked for, is reported by the decoder of single messages.
 """
 
 from __future__ import annotations
@@ -373,7 +372,7 @@ class _Compiler:
 
 
 class _Cursor:
-    """Where the walk through each message stands.
+    """How far the walk through each message has come.
 
     Attributes:
         body: (n,) where each message's body begins in the data.

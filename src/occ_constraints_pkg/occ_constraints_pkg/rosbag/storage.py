@@ -205,13 +205,13 @@ def with_counts(
     }
 
 
-def unpack_zstd(data: bytes | memoryview, limit: int, *, cut: bool = False) -> bytes:
+def unpack_zstd(data: bytes | memoryview, limit: int, *, truncated: bool = False) -> bytes:
     """Decompress without ever holding much more than is allowed.
 
     Args:
         data: one or more zstd frames.
         limit: allowed number of bytes.
-        cut: the data may end early; what can be unpacked is returned.
+        truncated: the data may end early; what can be unpacked is returned.
 
     Raises:
         ValueError: the data are no zstd frames, or hold more.
@@ -224,7 +224,7 @@ def unpack_zstd(data: bytes | memoryview, limit: int, *, cut: bool = False) -> b
                     pieces.append(piece)
                     limit -= len(piece)
             except zstandard.ZstdError:
-                if not cut:
+                if not truncated:
                     raise
     except zstandard.ZstdError as error:
         raise ValueError(f'its zstd data are invalid: {error}') from error

@@ -179,5 +179,5 @@ def test_ngsim(driving):
     assert len(trajectories.beginnings) == 200
     columns = dict(zip(trajectories.names, trajectories.values.T, strict=True))
     assert 0.0 < columns['v_x'].min() < columns['v_x'].max() < 28.0
-    # A few on the ramp are nearer to the edge than half of what trajectories there.
+    # A few on the ramp are nearer to the edge than half of what drives there.
     assert np.percentile(columns['d_right'], [1, 99]) == pytest.approx([0.9, 25.0], abs=0.2)

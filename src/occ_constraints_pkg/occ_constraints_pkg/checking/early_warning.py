@@ -51,8 +51,8 @@ class WarningRecord:
     """Warnings on data, and what became of them.
 
     A warning is active while samples are safe and a violation is estimated within the horizon;
-    breaks as long as those that are bridged in violations do not end it. It was false when no violation
-    came within the horizon after its last sample.
+    breaks as long as those that are bridged in violations do not end it. It was false when
+    no violation came within the horizon after its last sample.
 
     Attributes:
         horizon: seconds.

@@ -26,7 +26,7 @@ from occ_constraints_pkg.features.feature_map import FeatureMap, load_feature_ma
 from occ_constraints_pkg.learning.learn import is_safe, learn
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.rules.ruleset import RuleSet
-from occ_constraints_pkg.traffic.convert import read_drives
+from occ_constraints_pkg.traffic.convert import read_trajectories
 from occ_constraints_pkg.traffic.rules_text import rule_rows, rules_table
 
 from experiments.results import data_folder, markdown_table, write_results
@@ -114,7 +114,7 @@ def _read(folder: Path, highway: Highway) -> _Drivers:
     seen: set[tuple[str, int]] = set()
     blocks, vehicles, places, repeated = [], [], [], 0
     for place, file in enumerate(files):
-        drives = read_drives(highway.format, file)
+        drives = read_trajectories(highway.format, file)
         # USA_US101-1_1_T-1 and USA_US101-1_2_T-1 show the same traffic to different planners.
         traffic = file.stem.rsplit('_', 2)[0]
         for rows in np.split(np.arange(len(drives.time)), drives.beginnings[1:]):

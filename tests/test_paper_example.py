@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from occ_constraints_pkg.datasets.demonstrations import learn_from_files
 from occ_constraints_pkg.datasets.extraction import extract
+from occ_constraints_pkg.demonstrations.learning import learn_from_files
 from occ_constraints_pkg.features.feature_map import load_feature_map
 from occ_constraints_pkg.learning.density import bandwidth
 from occ_constraints_pkg.learning.pruning import prune

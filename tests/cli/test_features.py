@@ -52,7 +52,7 @@ def test_suggest_then_learn_then_check(capsys, bag, tmp_path):
     assert out == f'9 features; written to {target}\n'
     code, out, _ = run(capsys, 'features', 'check', bag, target)
     assert code == 0
-    assert out.splitlines()[0].endswith('paced by scan; 99.0% can be judged')
+    assert out.splitlines()[0].endswith('triggered by scan; 99.0% can be judged')
     rules = tmp_path / 'rules.yaml'
     assert run(capsys, 'learn', bag, '-m', target, '-o', rules)[0] == 0
     code, out, _ = run(capsys, 'check', bag, '-c', rules)

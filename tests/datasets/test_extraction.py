@@ -381,8 +381,8 @@ def test_a_blind_scanner_is_not_a_free_road(messages):
     nan, inf = float('nan'), float('inf')
     for blind in ([nan, nan], [0.0, 0.0], [nan, 0.0]):
         assert np.isnan(reader.read(messages.scan(blind))).all()
-    assert reader.read(messages.scan([nan, inf])) == [messages.scan([1.0]).range_max]
-    assert reader.read(messages.scan([0.0, 0.5])) == [0.5]
+    assert reader.read(messages.scan([nan, inf])) == messages.scan([1.0]).range_max
+    assert reader.read(messages.scan([0.0, 0.5])) == 0.5
 
 
 def test_other_values_under_the_same_stamp_are_no_repeat(messages):

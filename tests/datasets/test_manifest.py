@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from occ_constraints_pkg.cli import main
-from occ_constraints_pkg.datasets.demonstrations import learn_from_files
 from occ_constraints_pkg.datasets.extraction import extract
 from occ_constraints_pkg.datasets.manifest import Selection, load_manifest, select
+from occ_constraints_pkg.demonstrations.learning import learn_from_files
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.features.feature_map import FeatureMap, FeatureSource
 from occ_constraints_pkg.learning.settings import OCTreeSettings

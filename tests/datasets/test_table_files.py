@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from occ_constraints_pkg.datasets.demonstrations import learn_from_files, read_for_rules
+from occ_constraints_pkg.datasets.reading import read_for_rules
 from occ_constraints_pkg.datasets.table_files import are_table_files, is_table_file, read_tables
+from occ_constraints_pkg.demonstrations.learning import learn_from_files
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.features.feature_map import load_feature_map
 from occ_constraints_pkg.learning.settings import OCTreeSettings

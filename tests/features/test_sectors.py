@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.features.extractor import FeatureExtractor
 from occ_constraints_pkg.features.feature_map import FeatureMap
-from occ_constraints_pkg.features.fields import FieldReader
+from occ_constraints_pkg.features.reductions import sector_beams
 from occ_constraints_pkg.features.sources import Reading
 
 TURN = 2.0 * math.pi
@@ -56,8 +56,11 @@ def test_a_return_is_found_in_its_direction(messages, beams, first, direction):
 def test_each_beam_is_in_exactly_one_sector(count, beams, first, direction):
     width = 360.0 / count
     members = [
-        FieldReader('d', Reading('scan', 'ranges', degrees=(low, low + width))).beams(
-            float(np.float32(first)), float(np.float32(direction * TURN / beams)), beams
+        sector_beams(
+            'd',
+            Reading('scan', 'ranges', degrees=(low, low + width)),
+            (float(np.float32(first)), float(np.float32(direction * TURN / beams))),
+            beams,
         )
         for low in (width * (place - 0.5) for place in range(count))
     ]

@@ -123,9 +123,13 @@ def test_a_name_alone_is_one_step():
         (
             'pace: scan',
             'pace: {rate: 0}',
-            'got 0; allowed is a number of at least 0.001',
+            'pace.rate: got 0; allowed is a number of at least 0.001',
         ),
-        ('pace: scan', 'pace: {rate: .inf}', 'pace.rate: got inf; allowed is a number of at most'),
+        (
+            'pace: scan',
+            'pace: {rate: .inf}',
+            'pace.rate: got inf; allowed is a number of at most 1000000',
+        ),
         ('pace: scan', 'pace: {hz: 3}', 'pace.hz: unknown key'),
         ('missing: drop', 'missing: dorp', "got 'dorp'; did you mean 'drop'?"),
         ('bounds: [0, 3]', f'bounds: [0, 1{"0" * 400}]', 'a number is too large'),

@@ -7,8 +7,8 @@ from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.features.feature_map import FeatureMap
 from occ_constraints_pkg.features.sources import FeatureSource
 from occ_constraints_pkg.rosbag.recording import Recording
-from occ_constraints_pkg.suggestion.statistics import inspect
-from occ_constraints_pkg.suggestion.text import describe_yield, yield_document
+from occ_constraints_pkg.suggestion.statistics import map_statistics
+from occ_constraints_pkg.suggestion.text import describe_statistics, statistics_document
 
 SECOND = 10**9
 MAP = FeatureMap(
@@ -38,7 +38,7 @@ def write(messages, write_bag):
 
 def test_what_a_map_yields(messages, write_bag):
     calls = []
-    seen = inspect(
+    seen = map_statistics(
         write(messages, write_bag), MAP, progress=lambda done, total: calls.append((done, total))
     )
     assert calls[-1] == (14, 14)
@@ -60,12 +60,12 @@ def test_what_a_map_yields(messages, write_bag):
 
 
 def test_as_text_and_as_json(messages, write_bag):
-    seen = inspect(write(messages, write_bag), MAP)
-    text = describe_yield(seen, 'bag', 'scan')
-    assert text.startswith('bag: 10 rows in 0.9 s, paced by scan; 40.0% can be judged')
+    seen = map_statistics(write(messages, write_bag), MAP)
+    text = describe_statistics(seen, 'bag', 'scan')
+    assert text.startswith('bag: 10 rows in 0.9 s, triggered by scan; 40.0% can be judged')
     assert 'no message on odom yet' in text
     assert 'never changes' in text
-    document = yield_document(seen)
+    document = statistics_document(seen)
     assert [item['name'] for item in document['features']] == ['d', 'v', 'a', 'w']
     assert document['features'][0]['first_problem'].endswith('[0, 3]')
     assert document['features'][1]['is_problem']
@@ -73,10 +73,10 @@ def test_as_text_and_as_json(messages, write_bag):
 
 def test_a_feature_that_never_comes(messages, write_bag):
     bag = Recording(write_bag([('/scan', messages.scan([math.nan], stamp_ns=5), 5)]))
-    seen = inspect(bag, FeatureMap('scan', 1.0, MAP.features[:1]))
+    seen = map_statistics(bag, FeatureMap('scan', 1.0, MAP.features[:1]))
     assert seen.features[0].missing == 1.0
     assert seen.features[0].first_problem == '0.00 s: nothing was measured'
-    assert yield_document(seen)['features'][0]['median'] is None
+    assert statistics_document(seen)['features'][0]['median'] is None
     assert seen.has_problem
 
 
@@ -85,10 +85,10 @@ def test_time_that_goes_back(messages, write_bag):
         ('/scan', messages.scan([1.0 + step], stamp_ns=(9 - step) * SECOND), step)
         for step in range(3)
     ]
-    seen = inspect(Recording(write_bag(entries)), FeatureMap('scan', 1.0, MAP.features[:1]))
+    seen = map_statistics(Recording(write_bag(entries)), FeatureMap('scan', 1.0, MAP.features[:1]))
     assert seen.clock_jumps == 2
     assert seen.has_problem
-    assert 'time goes back 2 times' in describe_yield(seen, 'bag', 'scan')
+    assert 'stamps jump back 2 times' in describe_statistics(seen, 'bag', 'scan')
 
 
 def test_rest_is_no_problem(messages, write_bag):
@@ -100,10 +100,12 @@ def test_rest_is_no_problem(messages, write_bag):
         FeatureSource('bump', 'odom', 'twist.twist.linear.x'),
         FeatureSource('open', 'odom', 'twist.twist.angular.z', high=3.0),
     )
-    assert not inspect(Recording(write_bag(entries)), FeatureMap('odom', 1.0, features)).has_problem
+    assert not map_statistics(
+        Recording(write_bag(entries)), FeatureMap('odom', 1.0, features)
+    ).has_problem
 
 
 def test_no_row(messages, write_bag):
     recording = Recording(write_bag([('/odom', messages.odometry(), 1)]))
     with pytest.raises(OccError, match="no topic 'scan'"):
-        inspect(recording, MAP)
+        map_statistics(recording, MAP)

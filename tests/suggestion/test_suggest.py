@@ -9,7 +9,7 @@ from occ_constraints_pkg.documents import parse_yaml
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.features.feature_map import FeatureMap
 from occ_constraints_pkg.rosbag.recording import Recording
-from occ_constraints_pkg.suggestion.inspection import survey
+from occ_constraints_pkg.suggestion.inspection import inspect_topics
 from occ_constraints_pkg.suggestion.suggest import suggest
 from occ_constraints_pkg.suggestion.text import suggestion_text
 
@@ -62,7 +62,7 @@ def test_a_drive(messages, write_bag):
     reasons = aside(suggestion)
     assert 'constant at 0.3' in reasons['turn_rate']
     assert "in the frame 'odom'" in reasons['position_x']
-    assert 'commands end when nobody drives' in reasons['commanded_speed']
+    assert 'commands stop when nobody drives' in reasons['commanded_speed']
     assert 'noisy' in reasons['acceleration']
     for part in (
         '/odom at 10 Hz',
@@ -86,9 +86,9 @@ def test_warnings(messages, write_bag):
         frozen.append(('/scan', messages.scan(ranges, step=math.tau / 36), START + step * TENTH))
     suggestion, text, _ = found(write_bag, sorted(frozen, key=lambda entry: entry[2]))
     told = '\n'.join(suggestion.warnings)
-    assert 'the stamps of /odom go back once, first 2.9 s after its first message' in told
+    assert 'the stamps of /odom jump back once, first 2.9 s after its first message' in told
     assert 'the poses of /odom are in the frame map, which jumps' in told
-    assert 'the messages of /scan have no time stamp; it sets the pace all the same' in told
+    assert 'the messages of /scan have no time stamp; it is the trigger topic all the same' in told
     assert 'clearance_front did not change for 3.9 s' in told
     assert all(' '.join(sentence.split()[:4]) in text for sentence in suggestion.warnings)
 
@@ -98,7 +98,7 @@ def test_commands_alone(messages, write_bag):
     entries = [entry for entry in drive(messages) if entry[0] == '/cmd_vel']
     suggestion, _, feature_map = found(write_bag, entries)
     assert feature_map.names == ('commanded_speed',)
-    assert 'no time stamp; it sets the pace all the same' in suggestion.warnings[0]
+    assert 'no time stamp; it is the trigger topic all the same' in suggestion.warnings[0]
 
 
 def test_a_table(messages, write_bag):
@@ -159,9 +159,9 @@ def test_nothing_to_suggest(messages, write_bag):
         suggest(Recording(write_bag(entries, 'still')))
 
 
-def test_survey(messages, write_bag):
+def test_inspection(messages, write_bag):
     entries = drive(messages, jump=30)
-    topics = survey(Recording(write_bag(entries)))
+    topics = inspect_topics(Recording(write_bag(entries)))
     odometry = topics['/odom']
     assert (odometry.count, odometry.is_stamped, odometry.jumps) == (60, True, 1)
     assert odometry.rate == pytest.approx(10.0)

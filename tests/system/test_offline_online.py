@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from occ_constraints_pkg.datasets.demonstrations import learn_from_files, read_for_rules
 from occ_constraints_pkg.datasets.extraction import extract, rows_of
+from occ_constraints_pkg.datasets.reading import read_for_rules
+from occ_constraints_pkg.demonstrations.learning import learn_from_files
 from occ_constraints_pkg.documents import parse_yaml
 from occ_constraints_pkg.features.extractor import FeatureExtractor
 from occ_constraints_pkg.features.feature_map import FeatureMap

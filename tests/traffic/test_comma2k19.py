@@ -5,7 +5,7 @@ import os
 import numpy as np
 import pytest
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.traffic.convert import import_drives, read_drives
+from occ_constraints_pkg.traffic.convert import import_trajectories, read_trajectories
 
 RADIUS, EARTH = 400.0, 6.37e6
 
@@ -54,20 +54,20 @@ def change(path, alter):
 
 
 def test_speed_and_the_gap_to_whom_is_on_the_path(segment):
-    drives = read_drives('comma2k19', segment)
-    assert drives.names == ('v_x', 'p_rel4')
+    trajectories = read_trajectories('comma2k19', segment)
+    assert trajectories.names == ('v_x', 'p_rel4')
     # Without those before the first speed.
-    assert len(drives.time) == 99
-    np.testing.assert_allclose(drives.values[:, 0], 20.0)
-    np.testing.assert_allclose(drives.values[20:80, 1], 50.0)
+    assert len(trajectories.time) == 99
+    np.testing.assert_allclose(trajectories.values[:, 0], 20.0)
+    np.testing.assert_allclose(trajectories.values[20:80, 1], 50.0)
     # 2018-07-29, 18 leap seconds after GPS time began to differ, and 100.05 s.
-    assert drives.start_ns / 1e9 == pytest.approx(1532822400 + 100.05 - 18)
+    assert trajectories.start_ns / 1e9 == pytest.approx(1532822400 + 100.05 - 18)
 
 
 def test_nobody_ahead(segment):
     change(segment / 'processed_log/CAN/radar/t', lambda t: t[:0])
     change(segment / 'processed_log/CAN/radar/value', lambda value: value[:0])
-    assert set(read_drives('comma2k19', segment).values[:, 1]) == {500.0}
+    assert set(read_trajectories('comma2k19', segment).values[:, 1]) == {500.0}
 
 
 FAULTS = {
@@ -99,7 +99,7 @@ def test_faults_are_told_in_one_sentence(segment, tmp_path, fault):
     name, alter, sentence = FAULTS[fault]
     change(segment / 'processed_log/CAN' / name, alter)
     with pytest.raises(OccError, match=sentence) as caught:
-        import_drives('comma2k19', segment, tmp_path / 'bag')
+        import_trajectories('comma2k19', segment, tmp_path / 'bag')
     assert '\n' not in str(caught.value)
     assert os.listdir(tmp_path) == ['segment']
 
@@ -111,23 +111,23 @@ def test_damaged_arrays(segment, data):
     for content in (data, whole[:-100], whole[:60]):
         path.write_bytes(content)
         with pytest.raises(OccError, match=r'radar/t'):
-            read_drives('comma2k19', segment)
+            read_trajectories('comma2k19', segment)
 
 
 def test_parts_are_needed(segment):
     with pytest.raises(OccError, match='is no directory; allowed is the directory of a segment'):
-        read_drives('comma2k19', segment / 'nothing')
+        read_trajectories('comma2k19', segment / 'nothing')
     with pytest.raises(OccError, match='comma2k19 shows one car, so there are no gaps to keep'):
-        read_drives('comma2k19', segment, keep_gaps=True)
+        read_trajectories('comma2k19', segment, keep_gaps=True)
     (segment / 'global_pose/frame_times').unlink()
     with pytest.raises(OccError, match=r'cannot read \S+frame_times: No such file'):
-        read_drives('comma2k19', segment)
+        read_trajectories('comma2k19', segment)
 
 
 def test_a_real_car(driving):
-    drives = read_drives('comma2k19', driving / 'comma2k19')
-    assert drives.values.shape == (1199, 2)
-    assert drives.values[:, 0].min() == pytest.approx(8.0, abs=0.1)
+    trajectories = read_trajectories('comma2k19', driving / 'comma2k19')
+    assert trajectories.values.shape == (1199, 2)
+    assert trajectories.values[:, 0].min() == pytest.approx(8.0, abs=0.1)
     # It follows another car all the time.
-    assert 23.0 < drives.values[:, 1].min() < drives.values[:, 1].max() < 80.0
-    assert drives.start_ns == 1533226488447008000
+    assert 23.0 < trajectories.values[:, 1].min() < trajectories.values[:, 1].max() < 80.0
+    assert trajectories.start_ns == 1533226488447008000

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.traffic.convert import import_drives, read_drives
+from occ_constraints_pkg.traffic.convert import import_trajectories, read_trajectories
 from occ_constraints_pkg.traffic.recorded import FEATURES
 from occ_constraints_pkg.traffic.reference_line import ReferenceLine
 from synthetic_traffic import commonroad_text, told
@@ -20,18 +20,20 @@ def read(tmp_path):
     def read(text):
         path = tmp_path / 'made.xml'
         path.write_text(text, encoding='utf-8')
-        return read_drives('commonroad', path)
+        return read_trajectories('commonroad', path)
 
     return read
 
 
 @pytest.mark.parametrize('version', ['2018b', '2020a'])
 def test_features(read, version):
-    drives = read(commonroad_text(version))
-    assert drives.names == FEATURES
-    assert drives.warnings == ()
-    assert sorted(set(drives.vehicle)) == [11, 12, 13]
-    first = {number: drives.values[drives.vehicle == number][0] for number in (11, 12, 13)}
+    trajectories = read(commonroad_text(version))
+    assert trajectories.names == FEATURES
+    assert trajectories.warnings == ()
+    assert sorted(set(trajectories.vehicle)) == [11, 12, 13]
+    first = {
+        number: trajectories.values[trajectories.vehicle == number][0] for number in (11, 12, 13)
+    }
     # 11 on the middle lane; 12 is ahead on the lanelet after it, 13 beside it on the left.
     np.testing.assert_allclose(
         first[11], [20.0, 0.0, 500.0, 500.0, 500.0, 0.0, 26.0, 500.0, 6.0, 6.0], atol=1e-9
@@ -42,29 +44,31 @@ def test_features(read, version):
     np.testing.assert_allclose(
         first[13], [20.0, 0.0, 500.0, 500.0, 0.0, 500.0, 500.0, 24.0, 2.0, 10.0], atol=1e-9
     )
-    np.testing.assert_allclose(drives.time[:5], np.arange(5) / 10)
+    np.testing.assert_allclose(trajectories.time[:5], np.arange(5) / 10)
 
 
 def test_velocity_is_in_the_frame_of_the_road(read):
     turned = commonroad_text().replace(
         '<orientation><exact>0.0</exact>', '<orientation><exact>0.1</exact>'
     )
-    drives = read(turned)
-    np.testing.assert_allclose(drives.values[:, 0], 20.0 * np.cos(0.1))
-    np.testing.assert_allclose(drives.values[:, 1], 20.0 * np.sin(0.1))
+    trajectories = read(turned)
+    np.testing.assert_allclose(trajectories.values[:, 0], 20.0 * np.cos(0.1))
+    np.testing.assert_allclose(trajectories.values[:, 1], 20.0 * np.sin(0.1))
 
 
 def test_vehicles_beyond_the_lanelets_are_left_out(read):
-    drives = read(commonroad_text().replace('<y>6.0</y>', '<y>40.0</y>'))
-    assert len(drives.time) == 10
-    assert 'made.xml: 5 of 15 rows left out, in which a vehicle is beyond' in drives.warnings[0]
+    trajectories = read(commonroad_text().replace('<y>6.0</y>', '<y>40.0</y>'))
+    assert len(trajectories.time) == 10
+    assert (
+        'made.xml: 5 of 15 rows left out, in which a vehicle is beyond' in trajectories.warnings[0]
+    )
 
 
 def test_what_stands_or_walks_is_left_out(read):
     text = commonroad_text().replace('<type>car</type>', '<type>pedestrian</type>', 1)
-    drives = read(text)
-    assert set(drives.vehicle) == {12, 13}
-    assert "1 of kind 'pedestrian' left out" in drives.warnings[0]
+    trajectories = read(text)
+    assert set(trajectories.vehicle) == {12, 13}
+    assert "1 of kind 'pedestrian' left out" in trajectories.warnings[0]
 
 
 MALFORMED = {
@@ -169,7 +173,7 @@ def test_faults_are_told_in_one_sentence(fault, tmp_path):
     path = tmp_path / 'made.xml'
     path.write_text(malformed(old, new))
     with pytest.raises(OccError, match=sentence) as caught:
-        import_drives('commonroad', path, tmp_path / 'bag')
+        import_trajectories('commonroad', path, tmp_path / 'bag')
     assert '\n' not in str(caught.value)
     assert 'made.xml' in str(caught.value)
     assert os.listdir(tmp_path) == ['made.xml']
@@ -184,12 +188,12 @@ def test_damaged_files_are_read_or_refused(tmp_path, place, removed, inserted):
     cut = int(place * len(data))
     path = tmp_path / 'made.xml'
     path.write_bytes(data[:cut] + inserted + data[cut + removed :])
-    sentence, drives = told(read_drives, 'commonroad', path)
-    if drives is None:
+    sentence, trajectories = told(read_trajectories, 'commonroad', path)
+    if trajectories is None:
         assert '\n' not in sentence
         assert 'made.xml' in sentence
     else:
-        assert np.isfinite(drives.values).all()
+        assert np.isfinite(trajectories.values).all()
 
 
 @pytest.mark.parametrize('kept', [0.0, 0.5, 0.999])
@@ -215,10 +219,10 @@ def test_a_reference_line_follows_a_curve():
 
 def test_ngsim(driving):
     path = driving / 'ngsim_us101' / 'USA_US101-15_1_T-1.xml'
-    drives = read_drives('commonroad', path)
-    assert len(drives.beginnings) == 37
-    assert drives.warnings == ()
-    columns = dict(zip(drives.names, drives.values.T, strict=True))
+    trajectories = read_trajectories('commonroad', path)
+    assert len(trajectories.beginnings) == 37
+    assert trajectories.warnings == ()
+    columns = dict(zip(trajectories.names, trajectories.values.T, strict=True))
     assert np.percentile(columns['v_x'], [0, 100]) == pytest.approx([0.0, 15.9], abs=0.1)
     assert np.abs(columns['v_y']).max() < 2.0
     assert 0.0 < columns['d_left'].min() < 2.0
@@ -226,4 +230,4 @@ def test_ngsim(driving):
     road = columns['d_left'] + columns['d_right']
     assert np.percentile(road, [0, 50, 100]) == pytest.approx([3.8, 17.3, 21.0], abs=0.3)
     assert columns['p_rel4'].min() == pytest.approx(1.8, abs=0.1)
-    assert drives.source['commonroad.benchmarkID'] == 'USA_US101-15_1_T-1'
+    assert trajectories.source['commonroad.benchmarkID'] == 'USA_US101-15_1_T-1'

@@ -8,50 +8,52 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.traffic.convert import import_drives, read_drives
+from occ_constraints_pkg.traffic.convert import import_trajectories, read_trajectories
 from occ_constraints_pkg.traffic.recorded import FEATURES
 from synthetic_traffic import CARS, FRAME_RATE, Car, highd_texts, told, write_highd
 
 
-def rows_of(drives, vehicle):
+def rows_of(trajectories, vehicle):
     """Return the rows of a vehicle by the name of their feature."""
-    values = drives.values[drives.vehicle == vehicle]
-    return dict(zip(drives.names, values.T, strict=True))
+    values = trajectories.values[trajectories.vehicle == vehicle]
+    return dict(zip(trajectories.names, values.T, strict=True))
 
 
 def test_both_carriageways(tmp_path):
-    drives = read_drives('highd', write_highd(tmp_path))
-    assert drives.names == FEATURES
-    assert len(drives.beginnings) == len(CARS)
-    assert drives.warnings == ()
+    trajectories = read_trajectories('highd', write_highd(tmp_path))
+    assert trajectories.names == FEATURES
+    assert len(trajectories.beginnings) == len(CARS)
+    assert trajectories.warnings == ()
     # Of the upper carriageway, towards -x: the third picture, the first with vehicle 3.
-    first = {name: column[2] for name, column in rows_of(drives, 1).items()}
+    first = {name: column[2] for name, column in rows_of(trajectories, 1).items()}
     assert first == pytest.approx(
         {
             'v_x': 30.0, 'v_y': 0.0, 'p_rel0': 25.76, 'p_rel1': 500.0, 'p_rel2': 500.0,
             'p_rel3': 500.0, 'p_rel4': 32.0, 'p_rel5': 500.0, 'd_left': 6.0, 'd_right': 2.0,
         }
     )  # fmt: skip
-    assert rows_of(drives, 2)['p_rel1'][2] == pytest.approx(32.0)
-    assert rows_of(drives, 3)['p_rel5'][0] == pytest.approx(25.76)
+    assert rows_of(trajectories, 2)['p_rel1'][2] == pytest.approx(32.0)
+    assert rows_of(trajectories, 3)['p_rel5'][0] == pytest.approx(25.76)
     # Of the lower one, towards +x, with a neighbour beside it on the left, a bit ahead.
-    fourth = {name: column[0] for name, column in rows_of(drives, 4).items()}
+    fourth = {name: column[0] for name, column in rows_of(trajectories, 4).items()}
     assert fourth == pytest.approx(
         {
             'v_x': 28.0, 'v_y': 0.5, 'p_rel0': 500.0, 'p_rel1': 500.0, 'p_rel2': 21.0,
             'p_rel3': 0.0, 'p_rel4': 40.0, 'p_rel5': 500.0, 'd_left': 6.0, 'd_right': 6.0,
         }
     )  # fmt: skip
-    assert rows_of(drives, 5)['p_rel2'][0] == 0.0
-    assert rows_of(drives, 5)['p_rel5'][0] == pytest.approx(37.0)
-    np.testing.assert_allclose(np.diff(drives.time[drives.vehicle == 3]), 1 / FRAME_RATE)
+    assert rows_of(trajectories, 5)['p_rel2'][0] == 0.0
+    assert rows_of(trajectories, 5)['p_rel5'][0] == pytest.approx(37.0)
+    np.testing.assert_allclose(
+        np.diff(trajectories.time[trajectories.vehicle == 3]), 1 / FRAME_RATE
+    )
 
 
 def test_the_other_carriageway_is_the_same_turned_round(tmp_path):
     upper = [replace(car, drift=0.4) for car in CARS if car.direction == 1]
     lower = [replace(car, direction=2) for car in upper]
     one, other = (
-        read_drives('highd', write_highd(tmp_path / name, highd_texts(cars)))
+        read_trajectories('highd', write_highd(tmp_path / name, highd_texts(cars)))
         for name, cars in (('upper', upper), ('lower', lower))
     )
     # The lower carriageway has a lane of 4 m more on its left.
@@ -136,7 +138,7 @@ def test_faults_are_told_in_one_sentence(fault, tmp_path):
     texts[name] = texts[name].replace(old, new, 1)
     path = write_highd(tmp_path / 'in', texts)
     with pytest.raises(OccError, match=sentence) as caught:
-        import_drives('highd', path, tmp_path / 'bag')
+        import_trajectories('highd', path, tmp_path / 'bag')
     assert '\n' not in str(caught.value)
     assert os.listdir(tmp_path) == ['in']
 
@@ -163,16 +165,16 @@ def scaled(column, factor):
 def test_a_wrong_unit_is_found(tmp_path, column, factor, sentence):
     path = write_highd(tmp_path, highd_texts() | {'tracks': scaled(column, factor)})
     with pytest.raises(OccError, match=sentence):
-        read_drives('highd', path)
+        read_trajectories('highd', path)
 
 
 def test_files_of_a_recording_must_be_there(tmp_path):
     path = write_highd(tmp_path)
     with pytest.raises(OccError, match=r'01_tracksMeta.csv is no file of tracks; allowed is'):
-        read_drives('highd', path.with_name('01_tracksMeta.csv'))
+        read_trajectories('highd', path.with_name('01_tracksMeta.csv'))
     path.with_name('01_recordingMeta.csv').unlink()
     with pytest.raises(OccError, match=r'cannot read \S+01_recordingMeta.csv: No such file'):
-        read_drives('highd', path)
+        read_trajectories('highd', path)
 
 
 @pytest.mark.parametrize('kept', [0.0, 0.3, 0.7, 0.99])
@@ -180,7 +182,7 @@ def test_a_truncated_file_is_refused(tmp_path, kept):
     text = highd_texts()['tracks']
     path = write_highd(tmp_path, highd_texts() | {'tracks': text[: int(kept * len(text))]})
     with pytest.raises(OccError, match=r'01_tracks\S* (line|has)|column'):
-        read_drives('highd', path)
+        read_trajectories('highd', path)
 
 
 def test_rows_without_vehicles(tmp_path):
@@ -188,7 +190,7 @@ def test_rows_without_vehicles(tmp_path):
     header = texts['tracks'].partition('\n')[0] + '\n'
     path = write_highd(tmp_path, texts | {'tracks': header})
     with pytest.raises(OccError, match=r'01_tracks.csv has no rows; allowed are one or more'):
-        read_drives('highd', path)
+        read_trajectories('highd', path)
 
 
 def test_blank_lines_do_not_shift_the_line_that_is_named(tmp_path):
@@ -197,7 +199,7 @@ def test_blank_lines_do_not_shift_the_line_that_is_named(tmp_path):
     lines[4] = lines[4].replace('3,1,', '3,1.5,', 1)
     path = write_highd(tmp_path, highd_texts() | {'tracks': '\n'.join(lines)})
     with pytest.raises(OccError, match=r"line 5, column 'id': got 1.5"):
-        read_drives('highd', path)
+        read_trajectories('highd', path)
 
 
 @settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -217,11 +219,11 @@ def test_damaged_files_are_read_or_refused(tmp_path, name, place, removed, inser
     data = file.read_bytes()
     cut = int(place * len(data))
     file.write_bytes(data[:cut] + inserted + data[cut + removed :])
-    sentence, drives = told(read_drives, 'highd', path)
-    if drives is None:
+    sentence, trajectories = told(read_trajectories, 'highd', path)
+    if trajectories is None:
         assert '\n' not in sentence
         assert '01_' in sentence
     else:
-        assert np.isfinite(drives.values).all()
-        assert (drives.values[:, 2:8] >= 0.0).all()
-        assert (drives.values[:, 2:8] <= 500.0).all()
+        assert np.isfinite(trajectories.values).all()
+        assert (trajectories.values[:, 2:8] >= 0.0).all()
+        assert (trajectories.values[:, 2:8] <= 500.0).all()

@@ -5,15 +5,17 @@ import os
 import numpy as np
 import pytest
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.traffic.convert import import_drives, read_drives
+from occ_constraints_pkg.traffic.convert import import_trajectories, read_trajectories
 from occ_constraints_pkg.traffic.recorded import FEATURES
 from synthetic_traffic import write_ngsim
 
 
 def test_features(tmp_path):
-    drives = read_drives('ngsim-sqlite', write_ngsim(tmp_path / 'made.shf'))
-    assert drives.names == FEATURES
-    first = {number: drives.values[drives.vehicle == number][0] for number in (1, 2, 3, 4)}
+    trajectories = read_trajectories('ngsim-sqlite', write_ngsim(tmp_path / 'made.shf'))
+    assert trajectories.names == FEATURES
+    first = {
+        number: trajectories.values[trajectories.vehicle == number][0] for number in (1, 2, 3, 4)
+    }
     np.testing.assert_allclose(
         first[1], [10.0, 0.0, 500, 500, 500, 500, 26.0, 1.0, 2.0, 10.0], atol=1e-9
     )
@@ -21,7 +23,7 @@ def test_features(tmp_path):
         first[3], [10.0, 0.0, 1.0, 500, 21.0, 21.0, 500, 500, 6.0, 6.0], atol=1e-9
     )
     np.testing.assert_allclose(first[4][[3, 5]], [500, 21.0], atol=1e-9)
-    np.testing.assert_allclose(drives.time[:5], np.arange(5) / 10)
+    np.testing.assert_allclose(trajectories.time[:5], np.arange(5) / 10)
 
 
 def test_the_road_is_as_wide_as_its_lanes_at_each_place(tmp_path):
@@ -31,8 +33,8 @@ def test_the_road_is_as_wide_as_its_lanes_at_each_place(tmp_path):
         'UPDATE Trajectory SET position_x = position_x + 80 WHERE vehicle_id = 4',
         'UPDATE Trajectory SET position_x = position_x + 60 WHERE vehicle_id = 2',
     )
-    drives = read_drives('ngsim-sqlite', path)
-    d_right = {n: drives.values[drives.vehicle == n][0, -1] for n in (3, 4)}
+    trajectories = read_trajectories('ngsim-sqlite', path)
+    d_right = {n: trajectories.values[trajectories.vehicle == n][0, -1] for n in (3, 4)}
     assert d_right == {3: pytest.approx(2.0), 4: pytest.approx(2.0)}
 
 
@@ -41,31 +43,31 @@ def test_gaps_of_vehicles_at_one_place_are_left_out(tmp_path):
         tmp_path / 'made.shf',
         'UPDATE Trajectory SET position_x = position_x - 30 WHERE vehicle_id = 2',
     )
-    drives = read_drives('ngsim-sqlite', path)
-    assert drives.names == ('v_x', 'v_y', 'd_left', 'd_right')
-    assert 'in 50% of the rows a vehicle is at the place of another one' in drives.warnings[0]
-    assert drives.warnings[0].endswith('the gaps p_rel0 to p_rel5 are left out')
-    drives = read_drives('ngsim-sqlite', path, keep_gaps=True)
-    assert drives.names == FEATURES
-    assert drives.warnings[0].endswith('are kept as asked, but show nothing')
+    trajectories = read_trajectories('ngsim-sqlite', path)
+    assert trajectories.names == ('v_x', 'v_y', 'd_left', 'd_right')
+    assert 'in 50% of the rows a vehicle is at the place of another one' in trajectories.warnings[0]
+    assert trajectories.warnings[0].endswith('the gaps p_rel0 to p_rel5 are left out')
+    trajectories = read_trajectories('ngsim-sqlite', path, keep_gaps=True)
+    assert trajectories.names == FEATURES
+    assert trajectories.warnings[0].endswith('are kept as asked, but show nothing')
 
 
 def test_one_lane_alone_is_told(tmp_path):
     path = write_ngsim(tmp_path / 'made.shf', 'DELETE FROM Trajectory WHERE lane_id <> 1')
-    drives = read_drives('ngsim-sqlite', path)
-    (warning,) = drives.warnings
+    trajectories = read_trajectories('ngsim-sqlite', path)
+    (warning,) = trajectories.warnings
     assert warning.startswith(f'{path}: all vehicles are on lane 1, so d_left and d_right are')
     # What the warning is about.
-    assert (drives.values[:, [2, 4, 5, 7]] == 500).all()
-    assert read_drives('ngsim-sqlite', write_ngsim(tmp_path / 'all.shf')).warnings == ()
+    assert (trajectories.values[:, [2, 4, 5, 7]] == 500).all()
+    assert read_trajectories('ngsim-sqlite', write_ngsim(tmp_path / 'all.shf')).warnings == ()
 
 
 def test_the_number_of_a_lane_may_be_any(tmp_path):
     path = write_ngsim(
         tmp_path / 'made.shf', 'UPDATE Trajectory SET lane_id = 1000000 WHERE lane_id = 3'
     )
-    drives = read_drives('ngsim-sqlite', path)
-    assert (drives.values[drives.vehicle == 4][:, [2, 3, 5, 6]] == 500).all()
+    trajectories = read_trajectories('ngsim-sqlite', path)
+    assert (trajectories.values[trajectories.vehicle == 4][:, [2, 3, 5, 6]] == 500).all()
 
 
 MALFORMED = {
@@ -144,7 +146,7 @@ def test_faults_are_told_in_one_sentence(fault, tmp_path):
     command, sentence = MALFORMED[fault]
     path = write_ngsim(tmp_path / 'made.shf', command)
     with pytest.raises(OccError, match=sentence) as caught:
-        import_drives('ngsim-sqlite', path, tmp_path / 'bag')
+        import_trajectories('ngsim-sqlite', path, tmp_path / 'bag')
     assert '\n' not in str(caught.value)
     assert 'made.shf' in str(caught.value)
     assert os.listdir(tmp_path) == ['made.shf']
@@ -153,10 +155,10 @@ def test_faults_are_told_in_one_sentence(fault, tmp_path):
 def test_what_is_no_database_is_refused(tmp_path):
     path = tmp_path / 'made.shf'
     with pytest.raises(OccError, match=r'cannot read \S+made.shf: No such file'):
-        read_drives('ngsim-sqlite', path)
+        read_trajectories('ngsim-sqlite', path)
     path.write_text('id,speed\n')
     with pytest.raises(OccError, match=r'made.shf is no SQLite database; allowed is one with Spec'):
-        read_drives('ngsim-sqlite', path)
+        read_trajectories('ngsim-sqlite', path)
 
 
 @pytest.mark.parametrize('kept', [0.05, 0.3, 0.6, 0.9])
@@ -165,17 +167,17 @@ def test_a_truncated_file_is_refused(tmp_path, kept):
     data = path.read_bytes()
     path.write_bytes(data[: int(kept * len(data))])
     with pytest.raises(OccError, match=r'made.shf') as caught:
-        read_drives('ngsim-sqlite', path)
+        read_trajectories('ngsim-sqlite', path)
     assert '\n' not in str(caught.value)
 
 
 def test_ngsim(driving):
     path = driving / 'ngsim_i80' / '200_actors_i80_0400-0415.shf'
-    drives = read_drives('ngsim-sqlite', path)
+    trajectories = read_trajectories('ngsim-sqlite', path)
     # All vehicles of this file begin at one time, most of them at one place.
-    assert 'in 94% of the rows' in drives.warnings[0]
-    assert len(drives.beginnings) == 200
-    columns = dict(zip(drives.names, drives.values.T, strict=True))
+    assert 'in 94% of the rows' in trajectories.warnings[0]
+    assert len(trajectories.beginnings) == 200
+    columns = dict(zip(trajectories.names, trajectories.values.T, strict=True))
     assert 0.0 < columns['v_x'].min() < columns['v_x'].max() < 28.0
     # A few on the ramp are nearer to the edge than half of what drives there.
     assert np.percentile(columns['d_right'], [1, 99]) == pytest.approx([0.9, 25.0], abs=0.2)

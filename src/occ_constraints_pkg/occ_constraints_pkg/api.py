@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from occ_constraints_pkg.checking.timeline import BRIDGE_SECONDS, TIMEOUT_SECONDS, make_timeline
-from occ_constraints_pkg.datasets.demonstrations import learn_from_files, read_for_rules
+from occ_constraints_pkg.checking.timeline import BRIDGE_SECONDS, TIMEOUT_SECONDS, check_files
+from occ_constraints_pkg.demonstrations.learning import learn_from_files
 from occ_constraints_pkg.documents import parse_yaml
 from occ_constraints_pkg.features.feature_map import FeatureMap, load_feature_map
 from occ_constraints_pkg.features.lateness import MAX_LAG_SECONDS
@@ -21,7 +21,7 @@ from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.rosbag.recording import Recording
 from occ_constraints_pkg.rules.constraints_file import Constraints, load_constraints
 from occ_constraints_pkg.rules.rule import Rule
-from occ_constraints_pkg.rules.verdict import Judgement, Verdict
+from occ_constraints_pkg.rules.verdict import Judgement
 from occ_constraints_pkg.suggestion.suggest import suggest
 from occ_constraints_pkg.suggestion.text import suggestion_text
 
@@ -168,16 +168,14 @@ def check(
     where = 'the constraints'
     if not isinstance(constraints, Constraints):
         where, constraints = str(constraints), load_constraints(constraints)
-    data = read_for_rules(_listed(paths), constraints, where, max_lag=max_lag)
+    timeline = check_files(
+        _listed(paths), constraints, where, max_lag=max_lag, timeout=timeout, bridge=bridge
+    )
+    data, rule_set = timeline.data, constraints.rule_set
     for sentence in data.warnings:
         _warn(sentence)
-    rule_set = constraints.rule_set
     if rule_set.problem:
         _warn(f'{where}: {rule_set.problem}, so every verdict is UNKNOWN')
-        judgement = Judgement.unknown(len(data))
-    else:
-        judgement = rule_set.judge(data.values)
-    timeline = make_timeline(rule_set, data, judgement, timeout=timeout, bridge=bridge)
     violations = tuple(
         Violation(
             rule_set.rules[item.rule],
@@ -190,8 +188,7 @@ def check(
         )
         for item in timeline.violations
     )
-    is_safe = bool((judgement.verdict == Verdict.SAFE).all() and not timeline.silence.any())
-    return Report(is_safe, timeline.shares, violations, judgement)
+    return Report(timeline.is_safe, timeline.shares, violations, timeline.judgement)
 
 
 def suggest_feature_map(path: str | Path) -> FeatureMap:

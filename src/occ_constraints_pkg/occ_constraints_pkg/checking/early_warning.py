@@ -33,7 +33,7 @@ class Onset:
         episode: number of the episode.
         start: when, in seconds as in the timeline.
         rule: position of the first rule that is true then.
-        warned: seconds since which a warning had stood; 0 if none did.
+        warned: seconds for which a warning had been active; 0 if none did.
         feature: position of the feature that was to get there first, as the warning began; -1 for
             none.
     """
@@ -50,9 +50,9 @@ class Onset:
 class WarningRecord:
     """Warnings on data, and what became of them.
 
-    A warning stands while samples are safe and a violation is estimated within the horizon; breaks
-    as long as those that are bridged in violations do not end it. It was false when no violation
-    came within the horizon after its last sample.
+    A warning is active while samples are safe and a violation is estimated within the horizon;
+    breaks as long as those that are bridged in violations do not end it. It was false when
+    no violation came within the horizon after its last sample.
 
     Attributes:
         horizon: seconds.
@@ -70,7 +70,7 @@ class WarningRecord:
 
 @dataclass
 class _Warning:
-    """A warning that stands, from its first to its last sample so far, in seconds."""
+    """An active warning, from its first to its last sample so far, in seconds."""
 
     start: float
     last: float
@@ -139,7 +139,7 @@ class _Episode:
 
     def __init__(self, horizon: float, bridge: float) -> None:
         self._horizon, self._bridge = horizon, bridge
-        # Of which it is not known yet whether they were false; the last one may still stand.
+        # Of which it is not known yet whether they were false; the last one may still be active.
         self._open: list[_Warning] = []
         # When the last violation ended, as it ends with the next sample; inf while it lasts.
         self._ended = -math.inf

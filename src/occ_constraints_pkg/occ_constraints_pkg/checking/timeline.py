@@ -4,17 +4,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from occ_constraints_pkg.datasets.dataset import Dataset
+from occ_constraints_pkg.datasets.reading import read_for_rules
+from occ_constraints_pkg.features.lateness import MAX_LAG_SECONDS
+from occ_constraints_pkg.rules.constraints_file import Constraints
 from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.rules.verdict import Judgement, Verdict
 
 TIMEOUT_SECONDS = 1.0
-"""How long a verdict stands without new input; the default of the monitor."""
+"""How long a verdict is valid without new input; the default of the monitor."""
 
 BRIDGE_SECONDS = 0.5
 """Two violations of one rule that are no further apart count as one."""
@@ -29,7 +33,7 @@ class Interval:
         source: position in the data's sources.
         episode: number of the episode.
         start: when the first of its samples arrived, in the timeline's unit.
-        end: when the first sample after it arrived, or when the verdict lapsed.
+        end: when the first sample after it arrived, or when the verdict expired.
         active: for how much of that the rule is true; the rest are breaks that were bridged.
         samples: row numbers in the data, those of the breaks left out.
         worst: row number where the rule's own margin is smallest; the first row for ``rule`` -1.
@@ -51,16 +55,16 @@ class Interval:
 class Timeline:
     """Verdicts on data in time.
 
-    A verdict stands from the arrival of its sample to that of the next one of the same episode,
+    A verdict is valid from the arrival of its sample to that of the next one of the same episode,
     but no longer than the timeout: after that, a monitor says UNKNOWN. The last verdict of an
-    episode stands as long as the median one.
+    episode is valid as long as the median one.
 
     Attributes:
         data: what was judged.
         judgement: of its rows.
         unit: ``s`` since the start of the recording; ``row`` for table files, which know no time.
         starts: (n,) when each row's verdict begins.
-        stands: (n,) how long it stands.
+        valid_for: (n,) how long it is valid.
         silence: (n,) how much longer nothing came, which counts as UNKNOWN.
         violations: of each rule, sorted by source, episode and start.
         unknown: stretches in which samples came and could not be judged.
@@ -70,7 +74,7 @@ class Timeline:
     judgement: Judgement
     unit: str
     starts: np.ndarray
-    stands: np.ndarray
+    valid_for: np.ndarray
     silence: np.ndarray
     violations: tuple[Interval, ...]
     unknown: tuple[Interval, ...]
@@ -78,12 +82,12 @@ class Timeline:
     @property
     def duration(self) -> float:
         """How long all episodes last together."""
-        return float(self.stands.sum() + self.silence.sum())
+        return float(self.valid_for.sum() + self.silence.sum())
 
     @property
     def shares(self) -> dict[str, float]:
         """Share of the time of each verdict, by its name; of the samples where no time passes."""
-        weights = self.stands if self.duration else np.ones(len(self.data))
+        weights = self.valid_for if self.duration else np.ones(len(self.data))
         times = {
             verdict.name: float(weights[self.judgement.verdict == verdict].sum())
             for verdict in Verdict
@@ -96,6 +100,46 @@ class Timeline:
     def is_safe(self) -> bool:
         """Whether every verdict is SAFE and no time without one passed."""
         return bool((self.judgement.verdict == Verdict.SAFE).all() and not self.silence.any())
+
+
+def check_files(
+    paths: Sequence[str | Path],
+    constraints: Constraints,
+    where: str = 'the constraints',
+    *,
+    max_lag: float = MAX_LAG_SECONDS,
+    timeout: float = TIMEOUT_SECONDS,
+    bridge: float = BRIDGE_SECONDS,
+    progress: Callable[[int, int], None] | None = None,
+) -> Timeline:
+    """Judge recordings or tables; what was damaged in them is told by the timeline's data.
+
+    Args:
+        paths: recordings only, or table files only.
+        constraints: the rules, and for recordings their feature map.
+        where: what errors call the constraints.
+        max_lag: seconds that a message may come late until the verdict is UNKNOWN; 0 for any.
+        timeout: see :func:`make_timeline`, as for ``bridge``.
+        bridge: see there.
+        progress: called with (messages read, messages in all); not for tables.
+
+    Raises:
+        OccError: see :func:`~occ_constraints_pkg.datasets.reading.read_for_rules`.
+    """
+    data = read_for_rules(paths, constraints, where, max_lag=max_lag, progress=progress)
+    return check_data(data, constraints.rule_set, timeout=timeout, bridge=bridge)
+
+
+def check_data(
+    data: Dataset,
+    rule_set: RuleSet,
+    *,
+    timeout: float = TIMEOUT_SECONDS,
+    bridge: float = BRIDGE_SECONDS,
+) -> Timeline:
+    """Judge rows of features; without enabled rules, every verdict is UNKNOWN."""
+    judgement = Judgement.unknown(len(data)) if rule_set.problem else rule_set.judge(data.values)
+    return make_timeline(rule_set, data, judgement, timeout=timeout, bridge=bridge)
 
 
 def make_timeline(
@@ -117,7 +161,7 @@ def make_timeline(
         rule_set: the rules.
         data: n rows of features.
         judgement: of these rows by these rules.
-        timeout: seconds that a verdict stands without new input.
+        timeout: seconds that a verdict is valid without new input.
         bridge: seconds; 0 joins none. Neither limit concerns tables.
     """
     clock = _Clock(data, timeout, bridge)
@@ -138,7 +182,7 @@ def make_timeline(
         judgement,
         clock.unit,
         clock.starts,
-        clock.stands,
+        clock.valid_for,
         clock.silence,
         tuple(violations),
         tuple(clock.intervals(-1, unknown, np.full(len(data), np.nan))),
@@ -146,7 +190,7 @@ def make_timeline(
 
 
 class _Clock:
-    """When the rows of data begin and how long they stand."""
+    """When the rows of data begin and how long they are valid."""
 
     def __init__(self, data: Dataset, timeout: float, bridge: float) -> None:
         self._data = data
@@ -160,13 +204,13 @@ class _Clock:
         self._rank[self._order] = np.arange(len(self._order))
         if data.times_ns is None:
             self.starts = data.stamps_ns.astype(np.float64)
-            self.stands, self.silence = np.ones(len(data)), np.zeros(len(data))
+            self.valid_for, self.silence = np.ones(len(data)), np.zeros(len(data))
             self._bridge = 0.0
             return
         self.starts = data.times_ns * 1e-9
         gaps = self._gaps()
-        self.stands = np.minimum(gaps, timeout)
-        self.silence = gaps - self.stands
+        self.valid_for = np.minimum(gaps, timeout)
+        self.silence = gaps - self.valid_for
         self._bridge = bridge
 
     def _gaps(self) -> np.ndarray:
@@ -186,7 +230,7 @@ class _Clock:
             return
         episodes = self._data.episodes
         rows = rows[np.argsort(self._rank[rows])]
-        ends = self.starts[rows] + self.stands[rows]
+        ends = self.starts[rows] + self.valid_for[rows]
         follows = (self._rank[rows[1:]] == self._rank[rows[:-1]] + 1) & (
             self.silence[rows[:-1]] == 0.0
         )
@@ -202,7 +246,7 @@ class _Clock:
                 episode=int(episodes[samples[0]]),
                 start=float(self.starts[samples[0]]),
                 end=float(ends[last]),
-                active=float(self.stands[samples].sum()),
+                active=float(self.valid_for[samples].sum()),
                 samples=samples,
                 worst=int(samples[worst]),
                 margin=float(own[worst]),

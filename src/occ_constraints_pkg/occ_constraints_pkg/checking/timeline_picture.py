@@ -87,7 +87,7 @@ class _Axis:
 
     def __init__(self, timeline: Timeline) -> None:
         data = timeline.data
-        ends = timeline.starts + timeline.stands + timeline.silence
+        ends = timeline.starts + timeline.valid_for + timeline.silence
         episodes, first, place = np.unique(data.episodes, return_index=True, return_inverse=True)
         begins, lasts = np.full(len(episodes), np.inf), np.full(len(episodes), -np.inf)
         np.minimum.at(begins, place.reshape(-1), timeline.starts)
@@ -122,8 +122,8 @@ class _Axis:
 def _draw_band(axis: plt.Axes, timeline: Timeline, axis_of: _Axis) -> None:
     # Silence is drawn as rows of its own, after those whose verdict it ends.
     silent = timeline.silence > 0
-    starts = np.concatenate([axis_of.rows, (axis_of.rows + timeline.stands)[silent]])
-    widths = np.concatenate([timeline.stands, timeline.silence[silent]])
+    starts = np.concatenate([axis_of.rows, (axis_of.rows + timeline.valid_for)[silent]])
+    widths = np.concatenate([timeline.valid_for, timeline.silence[silent]])
     unknown = np.full(np.count_nonzero(silent), Verdict.UNKNOWN)
     verdicts = np.concatenate([timeline.judgement.verdict, unknown])
     order = np.argsort(starts, kind='stable')

@@ -16,7 +16,7 @@ from occ_constraints_pkg.rules.verdict import Verdict
 from occ_constraints_pkg.terminal import printable
 from occ_constraints_pkg.wording import count_of
 
-# Violations that are told one by one at most.
+# At most so many violations are listed one by one.
 _MOST = 20
 
 
@@ -29,7 +29,7 @@ def describe_timeline(timeline: Timeline, rule_set: RuleSet) -> str:
     silent = timeline.silence > 0
     if silent.any():
         lines.append(
-            f'no new input for longer than a verdict stands, {np.count_nonzero(silent)} times, '
+            f'no new input for longer than a verdict is valid, {np.count_nonzero(silent)} times, '
             f'{timeline.silence.sum():.2f} s in all, which count as UNKNOWN'
         )
     if timeline.unknown:

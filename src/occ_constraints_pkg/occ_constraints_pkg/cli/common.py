@@ -78,7 +78,7 @@ def end_tidily() -> None:
 
 def read_data(paths: tuple[str, ...], constraints: Any, where: str, *, max_lag: float = 0.0) -> Any:
     """Read data to judge, and pass on what was wrong with it."""
-    from occ_constraints_pkg.datasets.demonstrations import read_for_rules
+    from occ_constraints_pkg.datasets.reading import read_for_rules
 
     with progress_bar('reading') as progress:
         data = read_for_rules(paths, constraints, where, max_lag=max_lag, progress=progress)

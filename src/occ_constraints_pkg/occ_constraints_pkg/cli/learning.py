@@ -109,7 +109,7 @@ def learn(
     refuse_options(('scored',), 'needs --compare-depths')
     import numpy as np
 
-    from occ_constraints_pkg.datasets.demonstrations import learn_from_files
+    from occ_constraints_pkg.demonstrations.learning import learn_from_files
     from occ_constraints_pkg.features.feature_map import load_feature_map
     from occ_constraints_pkg.learning.guarantee import loss_words
     from occ_constraints_pkg.rules.constraints_file import save_learned
@@ -152,7 +152,7 @@ def _compare_depths(
     """Learn once and show the rules of every depth, each as --depth would give them."""
     import numpy as np
 
-    from occ_constraints_pkg.datasets.demonstrations import read_demonstrations
+    from occ_constraints_pkg.datasets.reading import read_demonstrations
     from occ_constraints_pkg.features.feature_map import load_feature_map
     from occ_constraints_pkg.learning.depths import ablate_depth, depths_document, describe_depths
 

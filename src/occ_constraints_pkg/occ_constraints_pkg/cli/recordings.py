@@ -58,7 +58,7 @@ def suggest(bag: str, output: str | None, as_json: bool) -> None:
     """
     from occ_constraints_pkg.rosbag.recording import Recording
     from occ_constraints_pkg.suggestion.suggest import suggest as suggest_map
-    from occ_constraints_pkg.suggestion.text import suggestion_text, yield_document
+    from occ_constraints_pkg.suggestion.text import statistics_document, suggestion_text
 
     if output and Path(output).exists():
         raise ConfigurationError(
@@ -78,7 +78,7 @@ def suggest(bag: str, output: str | None, as_json: bool) -> None:
                 'map': text,
                 'pace': suggestion.pace.name,
                 'max_age': suggestion.max_age,
-                **yield_document(suggestion.seen),
+                **statistics_document(suggestion.seen),
                 'not_used': [
                     {'name': item.entry['name'], 'topic': item.topic.name, 'reason': item.aside}
                     for item in suggestion.candidates
@@ -109,19 +109,19 @@ def check_map(bag: str, map_name: str, as_json: bool) -> int:
     """
     from occ_constraints_pkg.features.feature_map import load_feature_map
     from occ_constraints_pkg.rosbag.recording import Recording
-    from occ_constraints_pkg.suggestion.statistics import inspect
-    from occ_constraints_pkg.suggestion.text import describe_yield, yield_document
+    from occ_constraints_pkg.suggestion.statistics import map_statistics
+    from occ_constraints_pkg.suggestion.text import describe_statistics, statistics_document
 
     feature_map = load_feature_map(map_name)
     with progress_bar('reading') as progress:
-        seen = inspect(Recording(bag), feature_map, progress=progress)
+        seen = map_statistics(Recording(bag), feature_map, progress=progress)
     for sentence in seen.warnings:
         warn(sentence)
     if as_json:
-        print_json(yield_document(seen))
+        print_json(statistics_document(seen))
     else:
         pace = feature_map.pace or f'a rate of {feature_map.rate:g} Hz'
-        say_lines(describe_yield(seen, bag, pace))
+        say_lines(describe_statistics(seen, bag, pace))
     return 1 if seen.has_problem else 0
 
 
@@ -361,18 +361,20 @@ def import_(format_name: str, path: str, output: str, keep_gaps: bool, as_json: 
     \b
     Example: occ import commonroad USA_US101-11_4_T-1.xml -o bags/us101_11
     """
-    from occ_constraints_pkg.traffic.convert import import_drives
+    from occ_constraints_pkg.traffic.convert import import_trajectories
 
     end_tidily()
     with progress_bar('importing') as progress:
-        result = import_drives(format_name, path, output, keep_gaps=keep_gaps, progress=progress)
+        result = import_trajectories(
+            format_name, path, output, keep_gaps=keep_gaps, progress=progress
+        )
     for sentence in result.warnings:
         warn(sentence)
     if as_json:
         print_json({'output': output, 'format': format_name, **asdict(result)})
         return
     say(
-        f'{output}: {count_of(result.drives, "drive")}, {result.rows} rows, '
+        f'{output}: {count_of(result.trajectories, "drive")}, {result.rows} rows, '
         f'{result.seconds:.1f} s; features {", ".join(result.features)}'
     )
     say(f'Learn from it with: occ learn {output} -m {result.feature_map}')

@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from occ_constraints_pkg.checking.timeline import BRIDGE_SECONDS, TIMEOUT_SECONDS, make_timeline
+from occ_constraints_pkg.checking.timeline import BRIDGE_SECONDS, TIMEOUT_SECONDS, check_data
 from occ_constraints_pkg.cli.common import (
     DATA,
     JSON,
@@ -147,7 +147,7 @@ def check(
     from occ_constraints_pkg.checking.early_warning import warning_record
     from occ_constraints_pkg.checking.early_warning_text import describe_warnings
     from occ_constraints_pkg.checking.timeline_text import check_document, describe_timeline
-    from occ_constraints_pkg.rules import Judgement, RuleCounts
+    from occ_constraints_pkg.rules import RuleCounts
     from occ_constraints_pkg.rules.constraints_file import load_constraints, save_derived
 
     check_outputs(
@@ -162,15 +162,13 @@ def check(
     rule_set = loaded.rule_set
     if rule_set.problem:
         warn(f'{constraints} enables no rule, so every verdict is UNKNOWN')
-        judgement = Judgement.unknown(len(data))
-    else:
-        judgement = rule_set.judge(data.values)
+    timeline = check_data(data, rule_set, timeout=timeout, bridge=bridge)
+    judgement = timeline.judgement
     counts = RuleCounts(rule_set)
     counts.add(judgement)
     if counted:
         derived = loaded.with_rule_set(rule_set.with_counts(counts))
         save_derived(derived, counted, overwrite=overwrite)
-    timeline = make_timeline(rule_set, data, judgement, timeout=timeout, bridge=bridge)
     if draw:
         draw.draw_timeline(Path(plot), timeline, rule_set)
     record = None

@@ -78,7 +78,7 @@ class BlockExtractor:
             if lateness
         ]
         self._was_late = [False] * len(self._timed)
-        self._held: list[_Held | None] = [None] * len(self._readers)
+        self._latest: list[_LatestValues | None] = [None] * len(self._readers)
         self._last: tuple[int, np.ndarray] | None = None
         # Stamp and arrival of the last pace message.
         self._before: tuple[int, int] | None = None
@@ -139,25 +139,25 @@ class BlockExtractor:
         paces: np.ndarray,
         stamps: np.ndarray,
     ) -> None:
-        """Put a topic's held values into the rows, of its last message before each of them."""
+        """Put a topic's latest values into the rows, from its last message before each of them."""
         places, columns = self._readers[number]
         rows = np.flatnonzero(block.topics == number)
         latest = np.searchsorted(rows, paces) - 1
-        # The block's last message is held for the next block.
+        # The block's last message is the latest value when the next block begins.
         used = np.unique(np.append(latest[latest >= 0], len(rows) - 1)) if len(rows) else rows
         read, read_stamps = columns.read(block, rows[used])
         read_times = block.times[rows[used]]
-        held = self._held[number]
-        if held is None:
-            held = _Held(np.full(len(places), np.nan), 0, 0)
+        latest_values = self._latest[number]
+        if latest_values is None:
+            latest_values = _LatestValues(np.full(len(places), np.nan), 0, 0)
             # No age is allowed of what is not there.
             allowed = np.where(latest < 0, -1, self._max_age_ns)
         else:
             allowed = np.full(len(latest), self._max_age_ns)
         at = np.where(latest < 0, 0, 1 + np.searchsorted(used, latest))
-        either = np.vstack([held.values, read])
-        other_stamps = np.append(held.stamp, read_stamps)[at]
-        other_times = np.append(held.time, read_times)[at]
+        either = np.vstack([latest_values.values, read])
+        other_stamps = np.append(latest_values.stamp, read_stamps)[at]
+        other_times = np.append(latest_values.time, read_times)[at]
         by_arrival = (stamps == 0) | (other_stamps == 0)
         ages = np.where(by_arrival, block.times[paces] - other_times, stamps - other_stamps)
         fresh = np.abs(ages) <= allowed
@@ -166,7 +166,9 @@ class BlockExtractor:
         values[:, places] = taken
         value_stamps[:, places] = np.where(fresh, other_stamps, 0)[:, None]
         if len(rows):
-            self._held[number] = _Held(read[-1], int(read_stamps[-1]), int(read_times[-1]))
+            self._latest[number] = _LatestValues(
+                read[-1], int(read_stamps[-1]), int(read_times[-1])
+            )
 
     def _set_back(self, stamps: np.ndarray, times: np.ndarray) -> np.ndarray:
         """Return (m,) whether time went back at a pace message by more than a value may age."""
@@ -207,7 +209,7 @@ class BlockExtractor:
 
 
 @dataclass(frozen=True, eq=False)
-class _Held:
+class _LatestValues:
     """A topic's last message: its values, stamp (0 for none) and arrival."""
 
     values: np.ndarray

@@ -87,3 +87,62 @@ class Dataset:
             'time_ns': int(self.origins['time_ns'][row]),
             'row': int(self.origins['row'][row]),
         }
+
+
+def without_repeats(data: Dataset, earlier: Dataset | None = None) -> tuple[Dataset, list[str]]:
+    """Leave out rows that a source of the same content gave before.
+
+    Counted twice, an episode would weigh twice, and could be both held out and learned from.
+    Whether a source is the same is told by its hash, not by its name; two stretches of one
+    recording that overlap share their rows only.
+
+    Args:
+        data: rows of recordings or tables, with the hashes of the sources.
+        earlier: rows that count as given before.
+
+    Returns:
+        The rest, which may be empty, and a sentence for each source with repeated rows.
+    """
+    before = () if earlier is None else earlier.sources
+    hashes = [source['sha256'] for source in (*before, *data.sources)]
+    if len(set(hashes)) == len(hashes):
+        return data, []
+    given: dict[str, list[tuple[str, np.ndarray]]] = {}
+    for index, source in enumerate(before):
+        _remember(given, source, _identities(earlier)[_rows_of(earlier, index)])
+    keep, sentences = np.ones(len(data), dtype=bool), []
+    identities = _identities(data)
+    for index, source in enumerate(data.sources):
+        rows = np.flatnonzero(_rows_of(data, index))
+        repeated = np.zeros(len(rows), dtype=bool)
+        for _, known in given.get(source['sha256'], ()):
+            repeated |= np.isin(identities[rows], known)
+        if repeated.any():
+            keep[rows[repeated]] = False
+            name = given[source['sha256']][0][0]
+            same = 'is given twice' if name == source['name'] else f'has the content of {name}'
+            sentences.append(
+                f'{source["name"]} {same}; its {int(repeated.sum())} repeated rows are left out'
+            )
+        _remember(given, source, identities[rows])
+    if keep.all():
+        return data, sentences
+    rest = data.select(keep)
+    numbers = np.zeros(len(rest), dtype=np.int64) if rest.recordings is None else rest.recordings
+    left, numbers = np.unique(numbers, return_inverse=True)
+    sources = tuple(data.sources[index] for index in left)
+    return replace(rest, sources=sources, recordings=numbers.astype(np.int64)), sentences
+
+
+def _remember(given: dict[str, list], source: dict, identities: np.ndarray) -> None:
+    given.setdefault(source['sha256'], []).append((source['name'], identities))
+
+
+def _rows_of(data: Dataset, source: int) -> np.ndarray:
+    """Tell which rows come from a source: (n,) bool."""
+    return np.ones(len(data), dtype=bool) if data.recordings is None else data.recordings == source
+
+
+def _identities(data: Dataset) -> np.ndarray:
+    """Return what tells a row from the others of its source: (n,)."""
+    return data.stamps_ns if data.origins is None else data.origins

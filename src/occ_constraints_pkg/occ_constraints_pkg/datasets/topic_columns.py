@@ -4,23 +4,27 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from occ_constraints_pkg.features.cdr import CdrFields, Group, Path, UnreadableError
 from occ_constraints_pkg.features.fields import (
     GEOMETRY,
-    GREATEST,
-    REDUCTIONS,
+    LIMITS,
     FieldReader,
     MessageReader,
     header_stamp_ns,
-    unmeasured,
+    split_readings,
+)
+from occ_constraints_pkg.features.reductions import (
+    ArrayReductions,
+    fill_unmeasured,
+    yaw_angle,
+    yaw_vector,
 )
 from occ_constraints_pkg.features.sources import Reading
+from occ_constraints_pkg.rosbag.cdr import CdrFields, Group, Path, UnreadableError
 from occ_constraints_pkg.rosbag.recording import Recording
 from occ_constraints_pkg.rosbag.storage import Block
 
@@ -42,6 +46,9 @@ class TopicColumns:
         self._recording, self._topic = recording, topic
         self._one_reader = MessageReader(readings)
         self._readers = [FieldReader(*item) for item in readings]
+        self._scalars, arrays = split_readings(readings)
+        # With the index of the array's path.
+        self._arrays = [(members[0][0], ArrayReductions(members)) for members in arrays]
         definitions = recording.fields(topic)
         msgtype = recording.topics[topic].msgtype
         paths: list[Path] = [reader.path for reader in self._readers]
@@ -56,7 +63,7 @@ class TopicColumns:
             ask('rest', _STAMP[1])
         names = {name for name, _ in definitions[msgtype][1]} if msgtype in definitions else set()
         if any(reading.missing == 'max_range' for _, reading in readings):
-            ask('greatest', (next((name for name in GREATEST if name in names), GREATEST[0]),))
+            ask('limit', (next((name for name in LIMITS if name in names), LIMITS[0]),))
         if any(reading.degrees is not None for _, reading in readings):
             ask('first', (GEOMETRY[0],))
             ask('step', (GEOMETRY[1],))
@@ -108,21 +115,18 @@ class TopicColumns:
             name: found[place][0].values[:, 0].astype(np.float64)
             for name, place in self._at.items()
         }
-        values = np.empty((count, len(self._readers)))
-        arrays: dict[tuple[int, str], _Arrays] = {}
-        for place, reader in enumerate(self._readers):
-            reading = reader.reading
+        values = np.full((count, len(self._readers)), np.nan)
+        for column, reader in self._scalars:
+            # Numbers and vectors are of one length, so there is one group of all messages.
+            numbers = found[column][0].values.astype(np.float64)
+            if reader.reading.reduce == 'yaw':
+                values[:, column] = _yaws(numbers)
+            else:
+                missing = reader.reading.missing
+                values[:, column] = fill_unmeasured(numbers[:, 0], missing, extra.get('limit'))
+        for place, array in self._arrays:
             for group in found[place]:
-                greatest = extra['greatest'][group.rows] if 'greatest' in extra else None
-                if reading.reduce in (None, 'yaw'):
-                    numbers = _single(reading, group, greatest)
-                else:
-                    # Several features mostly lie in one array, of which this is done once.
-                    key = id(group.base), reading.missing
-                    if key not in arrays:
-                        arrays[key] = _Arrays(reading.missing, group, greatest)
-                    numbers = arrays[key].reduced(reader, group, extra)
-                values[group.rows, place] = numbers
+                _reduce(array, group, extra, values)
         stamps = np.zeros(count, dtype=np.int64)
         if 'seconds' in extra:
             # A float64 holds each 32-bit number exactly.
@@ -150,90 +154,29 @@ def _is_understood(reading: Reading, kind: str) -> bool:
     return kind == 'array' or (kind == 'vector' and reading.degrees is None)
 
 
-def _single(reading: Reading, group: Group, greatest: np.ndarray | None) -> np.ndarray:
-    """Do to all rows of a group what :meth:`FieldReader.number` does to one: (m,) float64."""
-    if reading.reduce == 'yaw':
-        return _yaws(group.values)
-    numbers = group.values[:, 0].astype(np.float64)
-    if reading.missing == 'unknown':
-        return numbers
-    return np.where(
-        unmeasured(numbers), greatest if reading.missing == 'max_range' else np.nan, numbers
-    )
+def _reduce(
+    array: ArrayReductions, group: Group, extra: dict[str, np.ndarray], values: np.ndarray
+) -> None:
+    """Put the reductions of a group's arrays into its rows of ``values``, scan by scan alike."""
+    rows = group.rows
+    parts: list[tuple[Any, Any]] = [(slice(None), None)]
+    if array.needs_geometry:
+        firsts, steps = extra['first'][rows], extra['step'][rows]
+        geometries = set(zip(firsts.tolist(), steps.tolist(), strict=True))
+        parts = [((firsts == first) & (steps == step), (first, step)) for first, step in geometries]
+        # NaN is unlike itself, and is refused where the sectors are laid out.
+        if len(parts) == 1:
+            parts = [(slice(None), parts[0][1])]
+    for part, geometry in parts:
+        chosen = rows[part]
+        numbers = values[chosen]
+        limits = extra['limit'][chosen] if array.needs_limits else None
+        array.reduce(group.values[part], limits, geometry, numbers)
+        values[chosen] = numbers
 
 
-class _Arrays:
-    """The arrays of a group with what was not measured dealt with, and their reductions.
-
-    It does what :class:`~occ_constraints_pkg.features.fields.MessageReader` does to each message.
-    """
-
-    def __init__(self, missing: str, group: Group, greatest: np.ndarray | None) -> None:
-        self._base = group.base
-        # Whether a value says something of what is in range; None where all are taken as they are.
-        self._says = self._measured = None
-        if missing == 'unknown' or not group.base.size:
-            return
-        lost = unmeasured(group.base)
-        if missing == 'drop':
-            self._measured = ~lost
-        else:
-            self._says = (group.base > 0) | (group.base == -np.inf)
-            # As float32, when both are, is exact.
-            limit = greatest.astype(group.base.dtype)
-            limit = limit if np.array_equal(limit, greatest, equal_nan=True) else greatest
-            self._base = np.where(lost, limit[:, None], group.base)
-
-    def reduced(
-        self, reader: FieldReader, group: Group, extra: dict[str, np.ndarray]
-    ) -> np.ndarray:
-        """Return (m,) float64: the reading's reduction of each array; NaN where it is missing."""
-        count, reading = len(group.rows), reader.reading
-        if group.start == group.stop:
-            return np.full(count, np.nan)
-        part = slice(group.start, group.stop)
-        if reading.degrees is None:
-            result = self._reduce(reading.reduce, slice(None), part)
-        else:
-            firsts, steps = (extra[name][group.rows] for name in ('first', 'step'))
-            result = np.empty(count)
-            # Scans keep their geometry, as a rule.
-            for first, step in set(zip(firsts.tolist(), steps.tolist(), strict=True)):
-                rows = np.flatnonzero((firsts == first) & (steps == step))
-                beams = reader.beams(first, step, group.stop - group.start)
-                result[rows] = self._reduce(
-                    reading.reduce, slice(None) if len(rows) == count else rows, beams
-                )
-        if self._says is not None:
-            result = np.where(self._says[:, part].any(axis=1), result, np.nan)
-        return result
-
-    def _reduce(self, reduce: str, rows: Any, columns: Any) -> np.ndarray:
-        numbers = self._base[rows][:, columns]
-        if reduce in ('min', 'max'):
-            if self._measured is None:
-                return numbers.min(axis=1) if reduce == 'min' else numbers.max(axis=1)
-            worst = np.inf if reduce == 'min' else -np.inf
-            kept = np.where(self._measured[rows][:, columns], numbers, worst)
-            result = kept.min(axis=1) if reduce == 'min' else kept.max(axis=1)
-            return np.where(result == worst, np.nan, result)
-        # Row by row, for along an axis NumPy may add in another order.
-        lines = np.ascontiguousarray(numbers, dtype=np.float64)
-        if self._measured is not None:
-            kept_lines = zip(lines, self._measured[rows][:, columns], strict=True)
-            lines = [line[measured] for line, measured in kept_lines]
-        elif reduce == 'mean':
-            return lines.mean(axis=1)
-        call = REDUCTIONS[reduce]
-        return np.array([call(line) if line.size else np.nan for line in lines])
-
-
-def _yaws(quaternions: np.ndarray) -> np.ndarray:
+def _yaws(quaternions: np.ndarray) -> list[float]:
     if quaternions.shape[1] != 4:
         raise UnreadableError('a quaternion has four parts')
-    x, y, z, w = quaternions.T.astype(np.float64)
-    sines, cosines = 2.0 * (w * z + x * y), w * w + x * x - y * y - z * z
-    # The arctangent of NumPy may differ from that of math in the last bit.
-    angles = map(math.atan2, sines.tolist(), cosines.tolist())
-    unset = (sines == 0.0) & (cosines == 0.0)
-    return np.where(unset, np.nan, list(angles))
+    sines, cosines = yaw_vector(*quaternions.T)
+    return list(map(yaw_angle, sines.tolist(), cosines.tolist()))

@@ -12,16 +12,15 @@ import numpy as np
 
 from occ_constraints_pkg.errors import DataError
 from occ_constraints_pkg.features.feature_map import FeatureMap, topic_key
-from occ_constraints_pkg.features.fields import header_stamp_ns
-from occ_constraints_pkg.features.lateness import late_words, lateness_of
-from occ_constraints_pkg.features.latest import Held, TopicReader
+from occ_constraints_pkg.features.fields import TopicReader, header_stamp_ns
+from occ_constraints_pkg.features.lateness import describe_lateness, lateness_of
 from occ_constraints_pkg.features.table import Table
 from occ_constraints_pkg.features.transforms import RowTransforms
 
 
 @dataclass(frozen=True)
 class FeatureRows:
-    """The features at one message of the pace topic.
+    """The features at one message of the trigger topic, which the map calls ``pace``.
 
     Attributes:
         stamp_ns: the message's header stamp, or its arrival where it has none.
@@ -29,7 +28,7 @@ class FeatureRows:
         table: the pace message as a table, when it is one.
         repeat: whether header stamp and values are those of the row before: a simulation repeats
             its last observation when nothing answers it. Whoever counts rows skips it. Other values
-            under the same stamp are news, from a sensor whose clock stands still.
+            under the same stamp are new, from a sensor whose clock has stopped.
         note: why all values are missing, if it is not for the messages; else empty.
     """
 
@@ -38,6 +37,44 @@ class FeatureRows:
     table: Table | None
     repeat: bool
     note: str = ''
+
+
+_UNREAD = np.empty((0, 0))
+
+
+class LatestValue:
+    """The last message of a topic, with its values once they have been asked for.
+
+    Attributes:
+        message: of rosbags or rclpy, or a :class:`TableMessage`.
+        stamp: its header stamp in ns; None without one.
+        arrival: when it came, in ns.
+        values: (rows, readings) float64; empty until :meth:`read`.
+        table: the message as a table, if it is one.
+    """
+
+    def __init__(self, message: Any, stamp: int | None, arrival: int) -> None:
+        self.message, self.stamp, self.arrival = message, stamp, arrival
+        self.values = _UNREAD
+        self.table: Table | None = None
+
+    def read(self, reader: TopicReader) -> None:
+        """Set ``values``, and ``table`` for a table."""
+        if self.values is _UNREAD:
+            self.values, self.table = reader.read(self.message)
+
+    def age_ns(self, stamp: int | None, arrival: int) -> int:
+        """Return the distance to the message of the row; the future is as far as the past.
+
+        That a clock has jumped back shows in nothing else.
+        """
+        return abs(self.ahead_ns(stamp, arrival))
+
+    def ahead_ns(self, stamp: int | None, arrival: int) -> int:
+        """Return by how much this message is of a later time than another one."""
+        if stamp is None or self.stamp is None:
+            return self.arrival - arrival
+        return self.stamp - stamp
 
 
 class FeatureExtractor:
@@ -67,18 +104,18 @@ class FeatureExtractor:
         self._max_age_ns = round(feature_map.max_age * 1e9)
         self._readings = feature_map.readings
         groups: dict[str, list[int]] = {topic_key(topic): [] for topic in feature_map.topics}
-        for place, (_, reading) in enumerate(self._readings):
-            groups[topic_key(reading.topic)].append(place)
+        for index, (_, reading) in enumerate(self._readings):
+            groups[topic_key(reading.topic)].append(index)
         self.pace_key = topic_key(feature_map.pace)
         rate = feature_map.rate
         self._clock = None if rate is None else _Clock(rate, self._max_age_ns)
         self._readers = {
-            key: TopicReader(places, [self._readings[place] for place in places])
-            for key, places in groups.items()
+            key: TopicReader(columns, [self._readings[column] for column in columns])
+            for key, columns in groups.items()
         }
         self._transforms = RowTransforms(feature_map)
-        self._held: dict[str, Held] = {}
-        self._now: Held | None = None
+        self._latest: dict[str, LatestValue] = {}
+        self._now: LatestValue | None = None
         self._episodes = np.empty(0)
         self._last: tuple[int | None, np.ndarray] = (None, np.empty((0, 0)))
 
@@ -106,20 +143,20 @@ class FeatureExtractor:
         key = topic_key(topic)
         if key not in self._readers:
             return None
-        held = Held(message, header_stamp_ns(message), receive_time_ns)
+        latest = LatestValue(message, header_stamp_ns(message), receive_time_ns)
         if key in self._lateness:
-            lag = self._lateness[key].lag_ns(held.stamp, *(sent or (receive_time_ns,)))
+            lag = self._lateness[key].lag_ns(latest.stamp, *(sent or (receive_time_ns,)))
             if lag > self._max_lag_ns:
                 self._late[key] = lag
             else:
                 self._late.pop(key, None)
         if key == self.pace_key:
-            others = self._fresh(held, {key}) if self._held else {}
-            return self._row(held, {key: held, **others})
-        self._held[key] = held
-        if self._clock is None or not self._clock.is_due(held.stamp, receive_time_ns):
+            others = self._fresh(latest, {key}) if self._latest else {}
+            return self._row(latest, {key: latest, **others})
+        self._latest[key] = latest
+        if self._clock is None or not self._clock.is_due(latest.stamp, receive_time_ns):
             return None
-        return self._row(held, self._fresh(held, set()))
+        return self._row(latest, self._fresh(latest, set()))
 
     @property
     def timed(self) -> Set[str]:
@@ -133,25 +170,25 @@ class FeatureExtractor:
         """
         now, ages = self._now, {}
         for topic in self.feature_map.topics:
-            held = self._held.get(topic_key(topic))
+            latest = self._latest.get(topic_key(topic))
             if topic_key(topic) != self.pace_key:
-                ages[topic] = held.age_ns(now.stamp, now.arrival) if now and held else None
+                ages[topic] = latest.age_ns(now.stamp, now.arrival) if now and latest else None
         return ages
 
-    def _fresh(self, now: Held, besides: set[str]) -> dict[str, Held]:
-        """Return what is held of each topic and not too old at the message ``now``."""
+    def _fresh(self, now: LatestValue, besides: set[str]) -> dict[str, LatestValue]:
+        """Return the latest value of each topic that is valid at the message ``now``."""
         return {
-            key: held
-            for key, held in self._held.items()
-            if key not in besides and held.age_ns(now.stamp, now.arrival) <= self._max_age_ns
+            key: latest
+            for key, latest in self._latest.items()
+            if key not in besides and latest.age_ns(now.stamp, now.arrival) <= self._max_age_ns
         }
 
-    def _row(self, now: Held, parts: dict[str, Held]) -> FeatureRows:
+    def _row(self, now: LatestValue, parts: dict[str, LatestValue]) -> FeatureRows:
         """Compute the features from the messages in ``parts``."""
         back_ns = 0 if self._now is None else self._now.ahead_ns(now.stamp, now.arrival)
         self._now = now
-        for key, held in parts.items():
-            held.read(self._readers[key])
+        for key, value in parts.items():
+            value.read(self._readers[key])
         row_ns = now.arrival if now.stamp is None else now.stamp
         if self.pace_key and len(self._readers) == 1:
             read, stamps = now.values, [now.stamp] * len(self._readings)
@@ -162,35 +199,37 @@ class FeatureExtractor:
         last_stamp, last_values = self._last
         note = ''
         if back_ns > self._max_age_ns and table is None:
-            # Whatever is held is of another time. Stamps of tables only tell steps apart.
+            # The latest values are of another time. Stamps of tables only tell steps apart.
             values, note = np.full_like(values, np.nan), f'time went back by {back_ns * 1e-9:.3g} s'
         elif self._late:
             topic, lag = next(iter(self._late.items()))
-            note = late_words(topic, lag, self._max_lag_ns)
+            note = describe_lateness(topic, lag, self._max_lag_ns)
             values = np.full_like(values, np.nan)
         repeat = now.stamp is not None and now.stamp == last_stamp
         repeat = repeat and np.array_equal(values, last_values, equal_nan=True)
         self._last = now.stamp, values
         return FeatureRows(row_ns, values, table, repeat, note)
 
-    def _gathered(self, now: Held, parts: dict[str, Held]) -> tuple[np.ndarray, list[int | None]]:
+    def _gathered(
+        self, now: LatestValue, parts: dict[str, LatestValue]
+    ) -> tuple[np.ndarray, list[int | None]]:
         """Return (rows, readings) of several topics, and each reading's stamp."""
-        count = max((len(held.values) for held in parts.values()), default=1)
+        count = max((len(latest.values) for latest in parts.values()), default=1)
         if self.pace_key:
             count = len(now.values)
         read = np.full((count, len(self._readings)), np.nan)
         stamps: list[int | None] = [None] * len(self._readings)
-        for key, held in parts.items():
-            if len(held.values) not in (1, count):
+        for key, latest in parts.items():
+            if len(latest.values) not in (1, count):
                 raise DataError(
-                    f'topic {key!r} holds {len(held.values)} rows and '
+                    f'topic {key!r} holds {len(latest.values)} rows and '
                     + (f'the pace topic {self.pace_key!r}' if self.pace_key else 'another')
                     + f' {count}; allowed are 1 or as many'
                 )
-            places = self._readers[key].places
-            read[:, places] = held.values
-            for place in places:
-                stamps[place] = held.stamp
+            columns = self._readers[key].columns
+            read[:, columns] = latest.values
+            for column in columns:
+                stamps[column] = latest.stamp
         return read, stamps
 
     def _restarted(self, table: Table | None) -> np.ndarray | None:
@@ -219,7 +258,8 @@ class _Clock:
         # Stamps of different topics are not in order; only a larger step back is a clock set back.
         was_set_back = last is not None and now < last - self._max_age_ns
         due = last is None or begins or was_set_back
-        due = due or now // self._period_ns > last // self._period_ns
+        if not due and last is not None:
+            due = now // self._period_ns > last // self._period_ns
         if due:
             self._last_ns = now
         return due

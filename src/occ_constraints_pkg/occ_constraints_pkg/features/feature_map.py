@@ -40,12 +40,13 @@ BUILT_IN_MAPS = tuple(
 class FeatureMap:
     """The features of a rule set and how their topics are aligned in time.
 
-    A value is held until the next message of its topic comes, but not longer than ``max_age``.
+    The latest value of a topic is used (zero-order hold), as long as it is not older than
+    ``max_age``.
 
     Attributes:
         pace: the topic of which every message gives one row, or one per robot for a table; empty
             when ``rate`` is set.
-        max_age: seconds; a held value that is further than this from the message that gives the
+        max_age: seconds; a latest value that is further than this from the message that gives the
             row, by header stamps, or by arrival where one of the two has no stamp, is missing.
         features: the sources, in the order of the feature space.
         rate: rows per second instead of a pace topic: the first message in each period gives a
@@ -136,9 +137,8 @@ class FeatureMap:
             found = features_of(entry, f'{where}: features[{index}]')
             features += found
             entries += [index] * len(found)
-        pace, rate = document['pace'], None
-        if not isinstance(pace, str):
-            pace, rate = '', float(pace['rate'])
+        given = document['pace']
+        pace, rate = (given, None) if isinstance(given, str) else ('', float(given['rate']))
         result = cls(pace, float(document['max_age']), tuple(features), rate)
         for key, value in (('max_age', result.max_age), ('pace.rate', rate or 1.0)):
             if not np.isfinite(value):

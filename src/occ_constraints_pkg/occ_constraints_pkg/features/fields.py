@@ -1,39 +1,78 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers out of one message: field paths, missing ranges, sectors, reduction."""
+"""One message of a topic to numbers: field paths, and what errors say of them."""
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import MISSING, fields, is_dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from occ_constraints_pkg.documents import did_you_mean
 from occ_constraints_pkg.errors import DataError, OccError
+from occ_constraints_pkg.features.reductions import (
+    ArrayReductions,
+    fill_unmeasured,
+    is_measured,
+    yaw_angle,
+    yaw_vector,
+)
 from occ_constraints_pkg.features.serialized_tables import TableMessage
 from occ_constraints_pkg.features.sources import Reading
+from occ_constraints_pkg.features.table import Table
 
 _STEP = re.compile(r'\.?([A-Za-z_]\w*)|\[(-?\d+)\]|\[(-?\d*):(-?\d*)\]')
 
-REDUCTIONS: dict[str, Callable[[np.ndarray], float]] = {
-    'min': np.min,
-    'max': np.max,
-    'mean': np.mean,
-    'norm': np.linalg.norm,
-}
 # What LaserScan and Range call their greatest range, and LaserScan its angles.
-GREATEST = ('range_max', 'max_range')
+LIMITS = ('range_max', 'max_range')
 GEOMETRY = ('angle_min', 'angle_increment')
-# Sectors are compared in whole ten-thousandths of a degree: finer than the single-precision angles
-# of a scan, and exact, so that no beam is lost or counted twice between two sectors.
-_PER_DEGREE = 10_000
-_CIRCLE = 360 * _PER_DEGREE
-# In degrees; a scan with beams beyond has no angles that make sense.
-_FURTHEST = 36_000
+
+
+class TopicReader:
+    """Reads all features of one topic from its messages, be they tables or have fields.
+
+    Attributes:
+        columns: indices of its readings among those of the map.
+
+    Args:
+        columns: see above.
+        readings: ``(feature, reading)`` of each.
+    """
+
+    def __init__(self, columns: list[int], readings: Sequence[tuple[str, Reading]]) -> None:
+        self.columns = columns
+        self._asked = [item for item in readings if item[1].column is not None]
+        self._fields = MessageReader([item for item in readings if item[1].column is None])
+        self._is_table = bool(self._asked)
+        self._is_unread = not readings
+        self._names: tuple[str, ...] | None = None
+        self._positions = np.empty(0, dtype=np.intp)
+
+    def read(self, message: Any) -> tuple[np.ndarray, Table | None]:
+        """Return (rows, readings of this topic) float64, and the message as table if it is one.
+
+        Raises:
+            OccError: the message lacks what is asked for, or is no table where one is asked for.
+        """
+        is_read = isinstance(message, TableMessage)
+        has_points = is_read or hasattr(message, 'point_step')
+        if not self._is_table and not (self._is_unread and has_points):
+            return self._fields.read(message), None
+        if not has_points:
+            name, reading = self._asked[0]
+            raise DataError(
+                f'feature {name!r} asks for column {reading.column!r} of topic '
+                f'{reading.topic!r}, whose messages are {type(message).__name__}; '
+                'allowed is a table (sensor_msgs/msg/PointCloud2)'
+            )
+        table = message.table if is_read else Table.from_message(message)
+        if table.names != self._names:
+            self._positions = np.array([_find(table, *item) for item in self._asked], np.intp)
+            self._names = table.names
+        return table.values[:, self._positions].astype(np.float64, copy=False), table
 
 
 class MessageReader:
@@ -46,29 +85,43 @@ class MessageReader:
     """
 
     def __init__(self, readings: Sequence[tuple[str, Reading]]) -> None:
-        self._count = len(readings)
-        self._single: list[tuple[int, FieldReader]] = []
-        arrays: dict[tuple[str | None, str], list[tuple[int, FieldReader]]] = {}
-        for place, (name, reading) in enumerate(readings):
-            field = FieldReader(name, reading)
-            if reading.reduce in (None, 'yaw'):
-                self._single.append((place, field))
-            else:
-                arrays.setdefault((reading.field, reading.missing), []).append((place, field))
-        self._arrays = [_Array(members) for members in arrays.values()]
+        self._nothing = np.full((1, len(readings)), np.nan)
+        self._scalars, arrays = split_readings(readings)
+        self._arrays = [
+            (FieldReader(*members[0][1:]), ArrayReductions(members)) for members in arrays
+        ]
 
-    def read(self, message: Any) -> list[float]:
-        """Return the numbers, in order; NaN where nothing was measured.
+    def read(self, message: Any) -> np.ndarray:
+        """Return the (1, k) float64 numbers, in order; NaN where nothing was measured.
 
         Raises:
-            OccError: the message has no such field, or it is not what the feature map says.
+            DataError: the message has no such field, or it is not what the feature map says.
         """
-        numbers = [math.nan] * self._count
-        for place, field in self._single:
-            numbers[place] = field.number(message)
-        for array in self._arrays:
-            array.read(message, numbers)
+        numbers = self._nothing.copy()
+        for column, field in self._scalars:
+            numbers[0, column] = field.number(message)
+        for field, array in self._arrays:
+            values = field.array(message)
+            if values.size:
+                limits = np.array([field.limit(message)]) if array.needs_limits else None
+                geometry = field.geometry(message) if array.needs_geometry else None
+                array.reduce(values[np.newaxis], limits, geometry, numbers)
         return numbers
+
+
+def split_readings(
+    readings: Sequence[tuple[str, Reading]],
+) -> tuple[list[tuple[int, FieldReader]], list[list[tuple[int, str, Reading]]]]:
+    """Return readings of one number with their columns, and those of each array together."""
+    scalars: list[tuple[int, FieldReader]] = []
+    arrays: dict[tuple[str | None, str], list[tuple[int, str, Reading]]] = {}
+    for column, (name, reading) in enumerate(readings):
+        if reading.reduce in (None, 'yaw'):
+            scalars.append((column, FieldReader(name, reading)))
+        else:
+            key = reading.field, reading.missing
+            arrays.setdefault(key, []).append((column, name, reading))
+    return scalars, list(arrays.values())
 
 
 class FieldReader:
@@ -84,7 +137,7 @@ class FieldReader:
         # The type of message in which the path has been found to lead through declared fields.
         self._checked: type | None = None
         self._steps: list[str | int | slice] = []
-        for attribute, index, start, stop in _STEP.findall(reading.field):
+        for attribute, index, start, stop in _STEP.findall(reading.field or ''):
             if attribute:
                 self._steps.append(attribute)
             elif index:
@@ -147,9 +200,11 @@ class FieldReader:
             number = float(value)
         except (TypeError, ValueError):
             raise self._wrong(value, 'one number') from None
-        if self.reading.missing != 'unknown' and unmeasured(number):
-            return self.greatest(message) if self.reading.missing == 'max_range' else math.nan
-        return number
+        missing = self.reading.missing
+        if missing == 'unknown' or is_measured(number):
+            return number
+        limits = np.array([self.limit(message)]) if missing == 'max_range' else None
+        return float(fill_unmeasured(np.array([number]), missing, limits)[0])
 
     def array(self, message: Any) -> np.ndarray:
         """Return a field that is an array, or a vector such as Vector3, as float64."""
@@ -164,9 +219,9 @@ class FieldReader:
             raise self._wrong(value, 'an array or vector of numbers')
         return numbers
 
-    def greatest(self, message: Any) -> float:
+    def limit(self, message: Any) -> float:
         """Return the greatest range of a LaserScan or a Range message."""
-        for name in GREATEST:
+        for name in LIMITS:
             if hasattr(message, name):
                 return float(getattr(message, name))
         raise DataError(
@@ -184,45 +239,12 @@ class FieldReader:
                 f"{_kind(message)} has no fields 'angle_min' and 'angle_increment'"
             ) from None
 
-    def beams(self, first: float, step: float, count: int) -> np.ndarray:
-        """Return the positions of the beams in the reading's sector.
-
-        Args:
-            first: angle of the first beam, in rad.
-            step: angle between beams.
-            count: number of beams.
-
-        Raises:
-            OccError: there is none.
-        """
-        angles = np.degrees(first + step * np.arange(count)) * _PER_DEGREE
-        if not (np.abs(angles) <= _FURTHEST * _PER_DEGREE).all():
-            raise DataError(
-                f'topic {self.reading.topic!r} has a scan of {count} beams with angle_min '
-                f'{first:g} and angle_increment {step:g}; allowed are beams within some turns'
-            )
-        angles = np.rint(angles).astype(np.int64)
-        low, high = (round(angle * _PER_DEGREE) for angle in self.reading.degrees)
-        inside = np.flatnonzero((angles - low) % _CIRCLE < high - low)
-        if not len(inside):
-            ends = sorted((int(angles[0]), int(angles[-1])))
-            raise DataError(
-                f'feature {self._name!r} of topic {self.reading.topic!r} asks for the sector from '
-                f'{low / _PER_DEGREE:g} to {high / _PER_DEGREE:g} degrees, but no beam of the '
-                f'scan is there; its beams go from {ends[0] / _PER_DEGREE:g} to '
-                f'{ends[1] / _PER_DEGREE:g} degrees'
-            )
-        return inside
-
     def _yaw(self, value: Any) -> float:
         try:
             x, y, z, w = (float(getattr(value, axis)) for axis in 'xyzw')
         except (AttributeError, TypeError):
             raise self._wrong(value, 'a quaternion, for the transform yaw') from None
-        # Written so that the quaternion need not be of length one.
-        sine, cosine = 2.0 * (w * z + x * y), w * w + x * x - y * y - z * z
-        # All zero is how an orientation is said to be unset.
-        return math.atan2(sine, cosine) if sine or cosine else math.nan
+        return yaw_angle(*yaw_vector(x, y, z, w))
 
     def _check_reach(self, step: slice, length: int) -> None:
         """Refuse a slice that asks for elements that are not there, except of an empty array."""
@@ -257,90 +279,6 @@ class FieldReader:
         )
 
 
-class _Sectors(NamedTuple):
-    """The beams of several sectors, one sector after the other.
-
-    Attributes:
-        places: of the sectors' numbers in the answer.
-        beams: positions in the array of ranges.
-        starts: where each sector begins in ``beams``.
-    """
-
-    places: list[int]
-    beams: np.ndarray
-    starts: np.ndarray
-
-
-class _Array:
-    """Several reductions of one array, with one meaning of what was not measured."""
-
-    def __init__(self, members: list[tuple[int, FieldReader]]) -> None:
-        self._field = members[0][1]
-        self._missing = self._field.reading.missing
-        self._plain = [item for item in members if item[1].reading.degrees is None]
-        self._sectored = [item for item in members if item[1].reading.degrees is not None]
-        # Of the scan that came last: scans keep their geometry, as a rule.
-        self._geometry: tuple[float, float, int] | None = None
-        self._extremes: dict[str, _Sectors] = {}
-        self._others: list[tuple[int, FieldReader, np.ndarray]] = []
-
-    def read(self, message: Any, numbers: list[float]) -> None:
-        """Put the reductions into ``numbers``; what is missing stays NaN there."""
-        values = self._field.array(message)
-        if not values.size:
-            return
-        measured = None
-        if self._missing != 'unknown':
-            missing = unmeasured(values)
-            if self._missing == 'drop':
-                measured = ~missing
-            else:
-                greatest = self._field.greatest(message)
-                if not (values > 0).any() and not np.isneginf(values).any():
-                    # Not one beam returned or says "nothing in range" (+Inf): it is blind.
-                    return
-                values = np.where(missing, greatest, values)
-        for place, field in self._plain:
-            kept = values if measured is None else values[measured]
-            if kept.size:
-                numbers[place] = float(REDUCTIONS[field.reading.reduce](kept))
-        if not self._sectored:
-            return
-        geometry = (*self._field.geometry(message), len(values))
-        if geometry != self._geometry:
-            self._lay_out(geometry)
-        for reduce, sectors in self._extremes.items():
-            worst, pick = (np.inf, np.minimum) if reduce == 'min' else (-np.inf, np.maximum)
-            kept = values if measured is None else np.where(measured, values, worst)
-            found = pick.reduceat(kept[sectors.beams], sectors.starts).tolist()
-            for place, number in zip(sectors.places, found, strict=True):
-                # With "drop", the worst value stands for a sector without a return.
-                if measured is None or number != worst:
-                    numbers[place] = number
-        for place, field, beams in self._others:
-            kept = values[beams] if measured is None else values[beams][measured[beams]]
-            if kept.size:
-                numbers[place] = float(REDUCTIONS[field.reading.reduce](kept))
-
-    def _lay_out(self, geometry: tuple[float, float, int]) -> None:
-        """Find out which beams lie in which sector."""
-        self._extremes, self._others = {}, []
-        for reduce in ('min', 'max'):
-            members = [item for item in self._sectored if item[1].reading.reduce == reduce]
-            if members:
-                beams = [field.beams(*geometry) for _, field in members]
-                starts = np.cumsum([0, *(len(item) for item in beams[:-1])])
-                self._extremes[reduce] = _Sectors(
-                    [place for place, _ in members], np.concatenate(beams), starts
-                )
-        self._others = [
-            (place, field, field.beams(*geometry))
-            for place, field in self._sectored
-            if field.reading.reduce not in self._extremes
-        ]
-        self._geometry = geometry
-
-
 def field_names(message: Any) -> list[str]:
     """Return the names of a message's fields, whether of rosbags or of rclpy; else nothing."""
     if hasattr(message, 'get_fields_and_field_types'):
@@ -355,15 +293,10 @@ def header_stamp_ns(message: Any) -> int | None:
     """Return a message's header stamp in ns; None without a header or with the unset stamp 0."""
     if isinstance(message, TableMessage):
         return message.stamp_ns or None
-    stamp = getattr(getattr(message, 'header', None), 'stamp', None)
+    stamp: Any = getattr(getattr(message, 'header', None), 'stamp', None)
     if not (hasattr(stamp, 'sec') and hasattr(stamp, 'nanosec')):
         return None
     return stamp.sec * 1_000_000_000 + stamp.nanosec or None
-
-
-def unmeasured(value: Any) -> Any:
-    """Tell where a scanner says that it saw nothing: +Inf and NaN of REP 117, 0 of real ones."""
-    return np.logical_not((value < np.inf) & (value != 0.0))
 
 
 def _kind(value: Any) -> str:
@@ -375,3 +308,16 @@ def _kind(value: Any) -> str:
 def _render(steps: list[str | int | slice]) -> str:
     text = ''.join(f'.{step}' if isinstance(step, str) else f'[{step}]' for step in steps)
     return text.lstrip('.')
+
+
+def _find(table: Table, name: str, reading: Reading) -> int:
+    column = reading.column or ''
+    try:
+        return table.names.index(column)
+    except ValueError:
+        hint = did_you_mean(column, table.names) or ';'
+        raise DataError(
+            f'feature {name!r} asks for column {reading.column!r} of topic '
+            f'{reading.topic!r}, which the table does not have{hint} '
+            f'its columns are {", ".join(table.names)}'
+        ) from None

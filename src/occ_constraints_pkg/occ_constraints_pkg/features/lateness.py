@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""How late messages come: honestly stamped, but held up on their way, as by a backlogged bridge."""
+"""How late messages come: correctly stamped, but delayed, as by a backlogged bridge."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ class Lateness:
 
     def _age_ns(self, stamp: int, published: int, *, is_sure: bool) -> int:
         if stamp < self._stamp - self._limit_ns:
-            self._forget()
+            self._reset()
             self._was_set_back = True
         self._stamp = stamp
         age = published - stamp
@@ -103,7 +103,7 @@ class Lateness:
         self._was_set_back = self._was_set_back and age > self._limit_ns
         is_same_clock = abs(age) <= _SAME_CLOCK_NS
         if abs(age) > _ANY_RATE_NS:
-            self._forget()
+            self._reset()
             return 0
         if is_same_clock:
             self._is_real_time = True
@@ -121,7 +121,7 @@ class Lateness:
             self._proof = now_ns, age
         return self._is_real_time
 
-    def _forget(self) -> None:
+    def _reset(self) -> None:
         self._age, self._is_real_time, self._proof = Delay(), False, None
 
 
@@ -136,7 +136,7 @@ def lateness_of(feature_map: FeatureMap, limit_ns: int) -> dict[str, Lateness]:
     return {topic_key(topic): Lateness(limit_ns) for topic in timed if limit_ns}
 
 
-def late_words(topic: str, lag_ns: int, limit_ns: int) -> str:
+def describe_lateness(topic: str, lag_ns: int, limit_ns: int) -> str:
     """Return the reason why a message was not judged."""
     return (
         f'a message on {topic!r} is {lag_ns / SECOND_NS:.3g} s late; allowed is '

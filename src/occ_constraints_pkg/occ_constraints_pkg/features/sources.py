@@ -7,7 +7,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -111,6 +111,11 @@ class FeatureSource:
         return Reading(self.topic, self.field, self.column, self.reduce, self.degrees, self.missing)
 
     @property
+    def steps(self) -> tuple[Step, ...]:
+        """The transform with each step as a tuple, as it always is after construction."""
+        return cast(tuple[Step, ...], self.transform)
+
+    @property
     def is_plain_column(self) -> bool:
         """Whether the feature is a table's column and nothing else."""
         return self.column is not None and not self.transform and self.minus is None
@@ -139,7 +144,7 @@ def features_of(entry: Mapping[str, Any], where: str) -> list[FeatureSource]:
         transform=(*piped, *steps),
     )
     _check_reading(feature.reading, where, is_sectored=sectors is not None)
-    names = [step[0] for step in feature.transform]
+    names = [step[0] for step in feature.steps]
     if 'yaw' in names:
         raise ConfigurationError(
             f"{where}: got transform 'yaw' "
@@ -160,8 +165,9 @@ def features_of(entry: Mapping[str, Any], where: str) -> list[FeatureSource]:
                 f'{where}.minus: got the step {more[0][0]!r}; allowed are yaw and '
                 f'{", ".join(REDUCTIONS)}, for transform acts on the difference'
             )
-        feature = replace(feature, minus=Reading(**read))
-        _check_reading(feature.minus, f'{where}.minus')
+        subtracted = Reading(**read)
+        feature = replace(feature, minus=subtracted)
+        _check_reading(subtracted, f'{where}.minus')
     return [feature] if sectors is None else _sectors(feature, sectors, where)
 
 
@@ -174,7 +180,7 @@ def feature_document(feature: FeatureSource) -> dict[str, Any]:
         document['bounds'] = bounds
     if feature.minus is not None:
         document['minus'] = _reading_document(feature.minus)
-    steps = [_step_document(step) for step in feature.transform]
+    steps = [_step_document(step) for step in feature.steps]
     if steps:
         is_plain = len(steps) == 1 and isinstance(steps[0], str)
         document['transform'] = steps[0] if is_plain else steps
@@ -308,6 +314,8 @@ def _check_reading(reading: Reading, where: str, *, is_sectored: bool = False) -
                 f'{where}.sectors: got a table column; allowed is a field of ranges'
             )
         return
+    # The schema asks for one of the two.
+    assert reading.field is not None
     if reading.degrees is not None:
         low, high = reading.degrees
         if not (abs(low) <= FULL_CIRCLE and low < high <= low + FULL_CIRCLE):

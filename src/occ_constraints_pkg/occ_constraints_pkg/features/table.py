@@ -14,7 +14,7 @@ from occ_constraints_pkg.errors import DataError
 
 # sensor_msgs/PointField datatype numbers; a table holds columns of one of these two kinds.
 FLOAT32, FLOAT64 = 7, 8
-_DTYPES = {FLOAT32: np.dtype('<f4'), FLOAT64: np.dtype('<f8')}
+_DTYPES: dict[int, np.dtype[Any]] = {FLOAT32: np.dtype('<f4'), FLOAT64: np.dtype('<f8')}
 # NumPy knows no larger records.
 _LARGEST_STEP = 2**31 - 1
 _DATATYPES = {dtype: number for number, dtype in _DTYPES.items()}
@@ -104,7 +104,7 @@ class Table:
             return cls(form.names, data.view(form.packed).reshape(rows, len(form.names)))
         records = data.view(form.record)
         # A mixed table is widened, so that no FLOAT64 column loses digits.
-        columns = [records[key] for key in form.record.names]
+        columns = [records[str(index)] for index in range(len(form.names))]
         return cls(form.names, np.stack(columns, axis=1).astype(np.float64))
 
 

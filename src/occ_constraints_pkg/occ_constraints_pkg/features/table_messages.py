@@ -22,12 +22,11 @@ _IS_DENSE = b'\1'
 
 
 class TableHead:
-    """What stands before the numbers of a serialized PointCloud2, in CDR.
+    """The bytes before the numbers of a serialized PointCloud2, in CDR.
 
     Attributes:
         known: the bytes; 0 where others will do.
-        mask: 255 for each byte that is as it must be; 0 for the stamp, and for those that only
-            fill up and may hold anything.
+        mask: 255 for each byte that is fixed; 0 for the stamp and for padding.
 
     Args:
         frame_id: of the header.

@@ -23,21 +23,23 @@ class RowTransforms:
     def __init__(self, feature_map: FeatureMap) -> None:
         features = feature_map.features
         self._count = len(features)
-        minus = [place for place, item in enumerate(features) if item.minus is not None]
+        minus = [
+            (index, item.reduce == item.minus.reduce == 'yaw')
+            for index, item in enumerate(features)
+            if item.minus is not None
+        ]
         # (feature, what is subtracted from it, whether both are angles)
         self._minus = [
-            (
-                place,
-                self._count + offset,
-                features[place].reduce == features[place].minus.reduce == 'yaw',
-            )
-            for offset, place in enumerate(minus)
+            (index, self._count + offset, is_angle)
+            for offset, (index, is_angle) in enumerate(minus)
         ]
         subtracted = {place: other for place, other, _ in self._minus}
-        self._steps = []
+        self._steps: list[
+            tuple[int, tuple[Step, ...], _Rate | None, tuple[Step, ...], list[int]]
+        ] = []
         for place, item in enumerate(features):
-            if item.transform:
-                names = [step[0] for step in item.transform]
+            if steps := item.steps:
+                names = [step[0] for step in steps]
                 at = names.index('rate') if 'rate' in names else len(names)
                 rate = None
                 if at < len(names):
@@ -45,9 +47,7 @@ class RowTransforms:
                     is_angle = item.reduce == 'yaw' and at == 0
                     rate = _Rate(round(feature_map.max_age * 1e9), is_angle=is_angle)
                 read = [place, *([subtracted[place]] if place in subtracted else [])]
-                self._steps.append(
-                    (place, item.transform[:at], rate, item.transform[at + 1 :], read)
-                )
+                self._steps.append((place, steps[:at], rate, steps[at + 1 :], read))
 
     @property
     def has_memory(self) -> bool:
@@ -77,8 +77,8 @@ class RowTransforms:
         for place, before, rate, after, parts in self._steps:
             column = _apply(before, values[:, place])
             if rate is not None:
-                stamps = [stamps_ns[part] for part in parts]
-                now = row_ns if None in stamps else max(stamps)
+                stamps = [stamp for part in parts if (stamp := stamps_ns[part]) is not None]
+                now = max(stamps) if len(stamps) == len(parts) else row_ns
                 column = _apply(after, rate.step(column, now, restarted))
             values[:, place] = column
         return values

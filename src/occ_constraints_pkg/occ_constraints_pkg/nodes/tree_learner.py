@@ -11,7 +11,7 @@ import numpy as np
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from occ_constraints_pkg.datasets.demonstrations import learn_from_files
+from occ_constraints_pkg.demonstrations.learning import learn_from_files
 from occ_constraints_pkg.errors import ConfigurationError, OccError
 from occ_constraints_pkg.features.extractor import FeatureExtractor
 from occ_constraints_pkg.features.feature_map import load_feature_map

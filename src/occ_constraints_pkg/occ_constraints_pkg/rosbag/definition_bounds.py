@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Message definitions out of bags, held to bounds before code is generated from them."""
+"""Message definitions of bags, checked against bounds before code is generated from them."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""An MCAP file, whole or cut short: what it holds and where."""
+"""An MCAP file, complete or truncated: what it holds and where."""
 
 from __future__ import annotations
 
@@ -69,8 +69,8 @@ class McapFile:
         self._schemas: dict[int, records.Schema] = {}
         self._channels: dict[int, records.Channel] = {}
         self._counts: Counter[int] = Counter()
-        # Where a chunk that the end of the file cuts short begins.
-        self._cut: int | None = None
+        # Where a chunk that the end of the file truncates begins.
+        self._truncated: int | None = None
         try:
             with self._file.open('rb') as file:
                 self._size = os.fstat(file.fileno()).st_size
@@ -124,22 +124,22 @@ class McapFile:
         )
 
     def _read(self, file: BinaryIO, segment: Segment) -> Block:
-        cut = segment.first == self._cut
+        truncated = segment.first == self._truncated
         try:
             if segment.length > MAX_PIECE_BYTES:
                 raise ValueError(f'it has {segment.length} bytes; allowed are {MAX_PIECE_BYTES}')
             file.seek(segment.first)
             data, index = file.read(segment.length), b''
             if segment.chunk:
-                data = unpack_chunk(data, cut=cut)
+                data = unpack_chunk(data, truncated=truncated)
                 index = file.read(segment.index_length)
-            return self._messages(data, index, cut=cut)
+            return self._messages(data, index, truncated=truncated)
         except DAMAGE as error:
             raise self._damage(segment, error or type(error).__name__) from error
 
-    def _messages(self, data: bytes | memoryview, index: bytes, *, cut: bool) -> Block:
+    def _messages(self, data: bytes | memoryview, index: bytes, *, truncated: bool) -> Block:
         """Find the messages among the records of a chunk or run; learn channels on the way."""
-        begins, ends = indexed(data, index) or walked(data, cut=cut)
+        begins, ends = indexed(data, index) or walked(data, truncated=truncated)
         opcodes = np.frombuffer(data, dtype=np.uint8)[begins]
         for row in np.flatnonzero((opcodes == Opcode.SCHEMA) | (opcodes == Opcode.CHANNEL)):
             body = data[begins[row] + HEAD.size : ends[row]]
@@ -247,14 +247,14 @@ class McapFile:
             if loose and run is None:
                 run = position
             if opcode == Opcode.CHUNK:
-                self._cut = None if whole else position
+                self._truncated = None if whole else position
                 length = min(end, self._size) - position
                 if not self._add(file, Segment(0, 0, position, length, chunk=True)):
                     return
             if opcode in (0, Opcode.DATA_END, Opcode.FOOTER) or not whole:
                 break
             position = end
-        if self._cut is not None:
+        if self._truncated is not None:
             self._warn(
                 f'the file ends {end - self._size} bytes before the end of the chunk at byte '
                 f'{position}'

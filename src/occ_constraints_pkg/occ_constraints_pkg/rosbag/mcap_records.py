@@ -4,7 +4,8 @@
 
 The layouts are those of the MCAP specification, https://mcap.dev/spec. Records that occur once or
 a few times are parsed by the ``mcap`` library; messages, of which there are millions, are found
-here, which is many times as fast and lets a cut-off chunk give up what it still holds.
+here, which is many times as fast, and also reads the beginning of a chunk that is truncated; the
+library's ``NonSeekingReader`` yields only the complete chunks of such a file.
 """
 
 from __future__ import annotations
@@ -32,12 +33,12 @@ DAMAGE = (
 """Errors that the parsers of other people's libraries raise on damaged bytes."""
 
 
-def walked(data: bytes | memoryview, *, cut: bool) -> tuple[np.ndarray, np.ndarray]:
+def walked(data: bytes | memoryview, *, truncated: bool) -> tuple[np.ndarray, np.ndarray]:
     """Return where each record begins and ends, by going from one to the next.
 
     Args:
         data: the records.
-        cut: the last record may be incomplete; it is left out.
+        truncated: the last record may be incomplete; it is left out.
 
     Raises:
         ValueError: the last record reaches past the end.
@@ -51,7 +52,7 @@ def walked(data: bytes | memoryview, *, cut: bool) -> tuple[np.ndarray, np.ndarr
         # What is left is not even the head of a record.
         note(position + HEAD.size)
     if edges[-1] > len(data):
-        if not cut:
+        if not truncated:
             raise ValueError(f'a record reaches {edges[-1] - len(data)} bytes past its end')
         edges.pop()
     return np.array(edges[:-1], dtype=np.int64), np.array(edges[1:], dtype=np.int64)
@@ -91,15 +92,15 @@ def numbers_at(data: bytes | memoryview, places: np.ndarray, kind: str) -> np.nd
     return np.ndarray((count,), dtype, data, strides=(1,))[places]
 
 
-def unpack_chunk(record: bytes, *, cut: bool) -> bytes | memoryview:
-    """Return the records within a chunk record; of a cut one, as much as can be unpacked.
+def unpack_chunk(record: bytes, *, truncated: bool) -> bytes | memoryview:
+    """Return the records within a chunk record; of a truncated one, as much as can be unpacked.
 
     Raises:
         ValueError: it is no chunk, or is damaged.
     """
     body = HEAD.size
     opcode, length = HEAD.unpack_from(record)
-    if opcode != Opcode.CHUNK or (length + body != len(record) and not cut):
+    if opcode != Opcode.CHUNK or (length + body != len(record) and not truncated):
         raise ValueError('there is no such chunk')
     _, _, size, crc, name_length = _CHUNK.unpack_from(record, body)
     name_end = body + _CHUNK.size + name_length
@@ -108,10 +109,10 @@ def unpack_chunk(record: bytes, *, cut: bool) -> bytes | memoryview:
     stored = memoryview(record)[name_end + 8 : name_end + 8 + stored_size]
     if size > MAX_PIECE_BYTES:
         raise ValueError(f'it says that it holds {size} bytes; allowed are {MAX_PIECE_BYTES}')
-    if len(stored) != stored_size and not cut:
+    if len(stored) != stored_size and not truncated:
         raise ValueError(f'it has {len(stored)} of {stored_size} bytes')
-    data = _decompress(stored, compression, size, cut=cut)
-    if not cut:
+    data = _decompress(stored, compression, size, truncated=truncated)
+    if not truncated:
         if len(data) != size:
             raise ValueError(f'it holds {len(data)} bytes instead of {size}')
         if crc and zlib.crc32(data) != crc:
@@ -120,13 +121,13 @@ def unpack_chunk(record: bytes, *, cut: bool) -> bytes | memoryview:
 
 
 def _decompress(
-    stored: memoryview, compression: str, size: int, *, cut: bool
+    stored: memoryview, compression: str, size: int, *, truncated: bool
 ) -> bytes | memoryview:
     match compression:
         case '':
             return stored
         case 'zstd':
-            return unpack_zstd(stored, size, cut=cut)
+            return unpack_zstd(stored, size, truncated=truncated)
         case 'lz4':
             try:
                 return lz4.frame.LZ4FrameDecompressor().decompress(stored, max_length=size + 1)

@@ -18,7 +18,7 @@ class Playback:
     """Walks through a recording with the recorded spacing in time.
 
     All times ``now`` are seconds on one steady clock. Messages of latched topics that were logged
-    before the start come first, for they still held then.
+    before the start come first, because they were still valid then.
 
     Args:
         recording: what to play.

@@ -27,10 +27,12 @@ from occ_constraints_pkg.rosbag.sqlite_file import MAGIC as SQLITE_MAGIC
 from occ_constraints_pkg.rosbag.sqlite_file import SqliteFile
 from occ_constraints_pkg.rosbag.storage import (
     MAX_PIECE_BYTES,
+    ZSTD_SUFFIXES,
     Block,
     Segment,
     StorageFile,
     TopicInfo,
+    Unpacked,
     in_log_order,
     unpack_zstd,
 )
@@ -39,7 +41,6 @@ from occ_constraints_pkg.rosbag.typestores import (
     find_definitions,
     find_typestore,
 )
-from occ_constraints_pkg.rosbag.unpacked import ZSTD_SUFFIXES, Unpacked
 
 _SUFFIXES = ('.mcap', '.db3')
 # Types as ROS 2 named them before its release Dashing, without the part 'msg'.
@@ -66,7 +67,7 @@ class RawMessage:
 class Recording:
     """A recording that has been looked through but not read; nothing stays open.
 
-    Files without an ending, which a killed recorder left behind, and files that are cut short are
+    Files without a footer, which a killed recorder left behind, and truncated files are
     used up to the last complete message. Nothing is ever written beside the recording; files that
     are compressed as a whole are unpacked to a temporary folder, which goes with this object.
 
@@ -97,7 +98,7 @@ class Recording:
         self._storages = tuple(self._open(file) for file in self.files)
         self.topics = dict(sorted(with_metadata(self._all_topics(), metadata).items()))
         if not self.message_count:
-            raise DataError(f'{self.path} holds no messages; allowed is a recording with some')
+            raise DataError(f'{self.path} holds no messages')
         promised = metadata.get('message_count')
         if isinstance(promised, int) and promised > self.message_count:
             self.warnings += (

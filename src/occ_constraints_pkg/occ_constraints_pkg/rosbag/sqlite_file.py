@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""A SQLite storage file of rosbag2, whole or cut short; it is opened without ever being written."""
+"""A SQLite storage file of rosbag2, complete or truncated; it is never written to."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _SEGMENT_ROWS = 10_000
 class SqliteFile:
     """Index of a SQLite storage file of any schema that rosbag2 has had.
 
-    A file that is cut short or damaged is used up to the last row before the damage.
+    A truncated or damaged file is used up to the last row before the damage.
 
     Args:
         path: what errors and warnings call it.
@@ -57,18 +57,18 @@ class SqliteFile:
         self.segments: list[Segment] = []
         self._counts: Counter[int] = Counter()
         try:
-            is_cut = _is_cut(self._file)
+            is_truncated = _is_truncated(self._file)
             with closing(_connect(self._file)) as database:
                 topics = dict(_topics(database))
                 # Pages that are missing show only when the bytes of a message are asked for.
-                problem = self._index(database, set(topics), look=is_cut)
+                problem = self._index(database, set(topics), look=is_truncated)
         except (sqlite3.Error, ValueError, OverflowError) as error:
             raise DataError(f'{path} cannot be read: {_reason(error)}') from error
         except OSError as error:
             raise DataError(f'cannot read {path}: {error.strerror}') from error
         if problem:
             self.warning = (
-                f'{path} is damaged or cut short: {problem}; the {self._counts.total()} complete '
+                f'{path} is damaged or truncated: {problem}; the {self._counts.total()} complete '
                 f'messages before that are used'
             )
         self.topics = with_counts(topics, self._counts)
@@ -163,7 +163,7 @@ def _problem(row: Any, topic: Any, time: Any, size: Any, known: set[int], last: 
     return ''
 
 
-def _is_cut(path: Path) -> bool:
+def _is_truncated(path: Path) -> bool:
     """Tell whether a database has fewer pages than it says.
 
     Raises:
@@ -184,7 +184,7 @@ def _connect(path: Path) -> sqlite3.Connection:
     log = path.with_name(f'{path.name}-wal')
     mode = 'rw' if log.exists() and log.stat().st_size else 'ro&immutable=1'
     database = sqlite3.connect(f'{path.absolute().as_uri()}?mode={mode}', uri=True)
-    if _is_cut(path):
+    if _is_truncated(path):
         # This is how SQLite is told to open a file that lacks pages; nothing is written.
         database.execute('PRAGMA writable_schema = ON')
     # A text column that is not UTF-8 shall not stop the rest.

@@ -4,6 +4,9 @@
 
 from __future__ import annotations
 
+import shutil
+import tempfile
+import weakref
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -13,8 +16,15 @@ from typing import Any, Protocol
 import numpy as np
 import zstandard
 
+from occ_constraints_pkg.errors import DataError
+
 MAX_PIECE_BYTES = 1 << 28
 """What is loaded at once may have this many bytes; more is taken for damage."""
+ZSTD_SUFFIXES = ('.zstd', '.zst')
+_ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
+_PIECE_BYTES = 1 << 20
+# A file that grows by more than this is taken for damage or for malice, before it fills the disk.
+_MOST_GROWTH = 2000
 # Blocks of less are joined: most work on a block is the same whatever its size.
 _BLOCK_BYTES = 1 << 22
 
@@ -195,13 +205,13 @@ def with_counts(
     }
 
 
-def unpack_zstd(data: bytes | memoryview, limit: int, *, cut: bool = False) -> bytes:
+def unpack_zstd(data: bytes | memoryview, limit: int, *, truncated: bool = False) -> bytes:
     """Decompress without ever holding much more than is allowed.
 
     Args:
         data: one or more zstd frames.
         limit: allowed number of bytes.
-        cut: the data may end early; what can be unpacked is returned.
+        truncated: the data may end early; what can be unpacked is returned.
 
     Raises:
         ValueError: the data are no zstd frames, or hold more.
@@ -214,10 +224,75 @@ def unpack_zstd(data: bytes | memoryview, limit: int, *, cut: bool = False) -> b
                     pieces.append(piece)
                     limit -= len(piece)
             except zstandard.ZstdError:
-                if not cut:
+                if not truncated:
                     raise
     except zstandard.ZstdError as error:
         raise ValueError(f'its zstd data are invalid: {error}') from error
     if limit < 0:
         raise ValueError('its zstd data unpack to more bytes than they should')
     return pieces[0] if len(pieces) == 1 else b''.join(pieces)
+
+
+class Unpacked:
+    """A folder for temporary files that goes when this object does."""
+
+    def __init__(self) -> None:
+        self._folder: Path | None = None
+        self._count = 0
+
+    def open(self, path: Path) -> tuple[Path, str]:
+        """Return a file that can be read as it is, and a warning if part of it is lost.
+
+        That is the file itself, unless it is compressed as a whole, or is a database beside which
+        lies a write-ahead log: to open that one in place would change it.
+
+        Raises:
+            OccError: the file cannot be read or unpacked.
+        """
+        log = path.with_name(f'{path.name}-wal')
+        try:
+            with path.open('rb') as file:
+                compressed = file.read(len(_ZSTD_MAGIC)) == _ZSTD_MAGIC
+            if compressed:
+                target = self._target(path)
+                return target, _decompress(path, target)
+            if log.is_file() and log.stat().st_size:
+                target = self._target(path)
+                shutil.copyfile(path, target)
+                shutil.copyfile(log, target.with_name(f'{target.name}-wal'))
+                return target, ''
+        except OSError as error:
+            raise DataError(f'cannot read {path}: {error.strerror}') from error
+        return path, ''
+
+    def _target(self, path: Path) -> Path:
+        if self._folder is None:
+            self._folder = Path(tempfile.mkdtemp(prefix='occ_bag_'))
+            weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
+        self._count += 1
+        name = path.stem if path.suffix in ZSTD_SUFFIXES else path.name
+        return self._folder / f'{self._count}_{name}'
+
+
+def _decompress(path: Path, target: Path) -> str:
+    allowed = path.stat().st_size * _MOST_GROWTH
+    written, problem = 0, ''
+    with path.open('rb') as source, target.open('wb') as sink:
+        reader = zstandard.ZstdDecompressor().stream_reader(source, read_across_frames=True)
+        while True:
+            try:
+                block = reader.read(_PIECE_BYTES)
+            except zstandard.ZstdError as error:
+                problem = str(error)
+                break
+            if not block:
+                break
+            written += len(block)
+            if written > allowed:
+                raise DataError(
+                    f'{path} cannot be read: it unpacks to more than {_MOST_GROWTH} times its size'
+                )
+            sink.write(block)
+    if not written:
+        raise DataError(f'{path} is damaged: nothing of it can be unpacked')
+    return f'{path} is damaged: {problem}; its first {written} bytes are used' if problem else ''

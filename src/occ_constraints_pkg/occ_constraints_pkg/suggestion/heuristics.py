@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Which features the types of messages suggest."""
+"""Heuristics: which features each message type suggests."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ import numpy as np
 
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.features.table import Table
-from occ_constraints_pkg.suggestion.inspection import TopicSurvey
-from occ_constraints_pkg.suggestion.statistics import FeatureYield
+from occ_constraints_pkg.suggestion.inspection import TopicInspection
+from occ_constraints_pkg.suggestion.statistics import FeatureStatistics
 
 _SECTORS = 8
 # A scan that covers at least this many degrees is taken to look all around.
 _ALL_AROUND = 350.0
-# Fewer messages say little about what is demonstrated.
+# Fewer messages are too few to suggest features from.
 _LEAST_MESSAGES = 10
 _NICE = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
-# Columns of our own tables that are not sensors.
+# Columns of our own tables that are not sensor values.
 _STEP_COLUMNS = {'reward', 'terminated', 'truncated', 'episode', 'true_cost'}
 _MOST_NUMBERS = 8
 _COMMON = re.compile(r'(std|sensor|geometry|nav|trajectory|shape|stereo)_msgs/')
@@ -37,19 +37,19 @@ class Candidate:
 
     Attributes:
         entry: its keys.
-        topic: where it comes from.
-        kind: one of the kinds that may set the pace.
+        topic: which it is read from.
+        kind: one of :data:`KINDS`.
         aside: why it is written as a comment only; empty for an entry in use.
-        remark: what a reader should know of it.
-        seen: what its features were on the recording; empty if they could not be computed.
+        remark: what a reader should know about it.
+        seen: statistics of its features on the recording; empty if they could not be computed.
     """
 
     entry: dict[str, Any]
-    topic: TopicSurvey
+    topic: TopicInspection
     kind: str
     aside: str = ''
     remark: str = ''
-    seen: tuple[FeatureYield, ...] = ()
+    seen: tuple[FeatureStatistics, ...] = ()
 
     @property
     def is_flag(self) -> bool:
@@ -57,34 +57,30 @@ class Candidate:
         return self.entry.get('field') in self.topic.integers
 
 
-def candidates_of(topic: TopicSurvey) -> Iterator[Candidate]:
-    """Yield what the type of a topic suggests.
-
-    Args:
-        topic: as the survey saw it.
-    """
+def candidates_of(topic: TopicInspection) -> Iterator[Candidate]:
+    """Yield the features that the type of a topic suggests."""
     if not topic.decoded:
         return
     kind = topic.msgtype.rpartition('/')[2]
-    recipe = _RECIPES.get(topic.msgtype)
+    heuristic = _HEURISTICS.get(topic.msgtype)
     few = '' if topic.count >= _LEAST_MESSAGES else f'only {topic.count} messages'
-    for item in recipe(topic) if recipe else _numbers(topic):
+    for item in heuristic(topic) if heuristic else _numbers(topic):
         item.kind = item.kind or (kind if kind in KINDS else 'numbers')
         item.aside = item.aside or few
         yield item
 
 
-def _entry(topic: TopicSurvey, name: str, field_path: str, unit: str, **more: Any) -> Candidate:
+def _entry(topic: TopicInspection, name: str, field_path: str, unit: str, **more: Any) -> Candidate:
     entry = {'name': name, 'topic': topic.key, 'field': field_path, 'unit': unit, **more}
     return Candidate(entry, topic, '')
 
 
-def _odometry(topic: TopicSurvey) -> Iterator[Candidate]:
+def _odometry(topic: TopicInspection) -> Iterator[Candidate]:
     yield _entry(topic, 'speed', 'twist.twist.linear.x', 'm/s')
     yield _entry(topic, 'side_speed', 'twist.twist.linear.y', 'm/s')
     turn = _entry(topic, 'turn_rate', 'twist.twist.angular.z', 'rad/s', transform=['abs'])
     turn.entry['bounds'] = [0, None]
-    turn.remark = 'to the left or to the right alike; delete abs to tell them apart'
+    turn.remark = 'the same to the left and to the right; delete abs to tell them apart'
     yield turn
     change = _entry(topic, 'acceleration', 'twist.twist.linear.x', 'm/s^2', transform=['rate'])
     change.aside = 'the rate of change of a measured speed is noisy'
@@ -92,11 +88,12 @@ def _odometry(topic: TopicSurvey) -> Iterator[Candidate]:
     yield from _pose(topic, 'pose.pose')
 
 
-def _pose(topic: TopicSurvey, path: str) -> Iterator[Candidate]:
+def _pose(topic: TopicInspection, path: str) -> Iterator[Candidate]:
     frame = ', '.join(sorted(topic.frames)) or '(none)'
     reason = (
-        f'coordinates in the frame {frame!r}: rules about them hold in this place only, and from '
-        'where the frame began' + (', and a map frame jumps' if 'map' in topic.frames else '')
+        f'coordinates in the frame {frame!r}: rules about them are valid only in this '
+        'environment and for this origin of the frame'
+        + (', and a map frame jumps when the robot relocalizes' if 'map' in topic.frames else '')
     )
     for name, place, unit in (
         ('position_x', 'position.x', 'm'),
@@ -108,7 +105,7 @@ def _pose(topic: TopicSurvey, path: str) -> Iterator[Candidate]:
         yield item
 
 
-def _laser_scan(topic: TopicSurvey) -> Iterator[Candidate]:
+def _laser_scan(topic: TopicInspection) -> Iterator[Candidate]:
     scan = topic.scan
     if scan is None:
         return
@@ -116,7 +113,7 @@ def _laser_scan(topic: TopicSurvey) -> Iterator[Candidate]:
     cap = nice_below(min(scan.range_max, float(np.percentile(scan.openness, 10))))
     entry: dict[str, Any] = {'name': 'clearance', 'topic': topic.key, 'field': 'ranges'}
     if scan.last - scan.first + scan.step < _ALL_AROUND:
-        # A little more on both sides, for the last beam is not to fall out of the last sector.
+        # Half a degree more on both sides, so that the last sector includes the last beam.
         entry['degrees'] = [math.floor(scan.first - 0.5), math.ceil(scan.last + 0.5)]
     entry |= {
         'sectors': count,
@@ -137,11 +134,11 @@ def _laser_scan(topic: TopicSurvey) -> Iterator[Candidate]:
         'rule forbids open space.'
     )
     if shares:
-        remark += f' Of the ranges, {", ".join(shares)}: read as nothing in range.'
+        remark += f' Of the ranges, {", ".join(shares)}, which is read as nothing in range.'
     yield Candidate(entry, topic, '', remark=remark)
 
 
-def _imu(topic: TopicSurvey) -> Iterator[Candidate]:
+def _imu(topic: TopicInspection) -> Iterator[Candidate]:
     yield _entry(topic, 'acceleration_x', 'linear_acceleration.x', 'm/s^2')
     yield _entry(topic, 'acceleration_y', 'linear_acceleration.y', 'm/s^2')
     turn = _entry(topic, 'gyro_z', 'angular_velocity.z', 'rad/s', transform=['abs'])
@@ -149,7 +146,7 @@ def _imu(topic: TopicSurvey) -> Iterator[Candidate]:
     yield turn
 
 
-def _twist(topic: TopicSurvey) -> Iterator[Candidate]:
+def _twist(topic: TopicInspection) -> Iterator[Candidate]:
     path = 'twist.' if topic.msgtype.endswith('Stamped') else ''
     turn = _entry(topic, 'commanded_turn_rate', f'{path}angular.z', 'rad/s', transform=['abs'])
     turn.entry['bounds'] = [0, None]
@@ -158,18 +155,18 @@ def _twist(topic: TopicSurvey) -> Iterator[Candidate]:
         yield item
 
 
-def _range(topic: TopicSurvey) -> Iterator[Candidate]:
+def _range(topic: TopicInspection) -> Iterator[Candidate]:
     name = re.sub(r'\W', '_', topic.key.rpartition('/')[2])
     top = float(topic.sample.max_range)
     item = _entry(topic, f'range_{name}', 'range', 'm', missing='max_range')
     if 0.0 < top < math.inf:
         item.entry['transform'] = [{'clip': [0, top]}]
         item.entry['bounds'] = [0, top]
-    item.remark = 'nothing in range counts as the greatest range'
+    item.remark = 'nothing in range counts as the maximum range'
     yield item
 
 
-def _point_cloud(topic: TopicSurvey) -> Iterator[Candidate]:
+def _point_cloud(topic: TopicInspection) -> Iterator[Candidate]:
     try:
         table = Table.from_message(topic.sample)
     except OccError:
@@ -191,7 +188,7 @@ def _point_cloud(topic: TopicSurvey) -> Iterator[Candidate]:
         yield Candidate(entry, topic, 'table')
 
 
-def _numbers(topic: TopicSurvey) -> Iterator[Candidate]:
+def _numbers(topic: TopicInspection) -> Iterator[Candidate]:
     """Yield the numbers of a small message of another type."""
     if not 0 < len(topic.numbers) <= _MOST_NUMBERS:
         return
@@ -201,13 +198,13 @@ def _numbers(topic: TopicSurvey) -> Iterator[Candidate]:
         name = leaf if leaf.startswith(stem) else f'{stem}_{leaf}'
         item = _entry(topic, name, path, '1')
         item.kind = 'numbers'
-        item.remark = 'of a type that is not known here: see to the unit'
+        item.remark = 'its message type is not known here, so check the unit'
         if _COMMON.match(topic.msgtype):
-            item.aside = f'a {topic.msgtype} may mean anything'
+            item.aside = f'the meaning of a {topic.msgtype} is not known'
         yield item
 
 
-_RECIPES: dict[str, Callable[[TopicSurvey], Iterator[Candidate]]] = {
+_HEURISTICS: dict[str, Callable[[TopicInspection], Iterator[Candidate]]] = {
     'nav_msgs/msg/Odometry': _odometry,
     'sensor_msgs/msg/LaserScan': _laser_scan,
     'sensor_msgs/msg/Imu': _imu,

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""A first look at a recording: how often each topic comes, its clock, what numbers it holds."""
+"""Inspection of a recording: the rate of each topic, its clock, the numbers in its messages."""
 
 from __future__ import annotations
 
@@ -54,20 +54,20 @@ class ScanShape:
 
 
 @dataclass
-class TopicSurvey:
-    """What was seen of a topic.
+class TopicInspection:
+    """What a recording has of a topic.
 
     Attributes:
         name: as recorded, with leading slash.
         msgtype: message type.
         count: messages recorded.
-        decoded: whether the messages were looked into; the rest stays empty otherwise.
+        decoded: whether its messages were decoded; the rest stays empty otherwise.
         problem: why they could not be decoded; empty if they could or nobody tried.
         period_s: median time between messages, by header stamps or arrival; NaN for one message.
         slow_period_s: the 99th percentile of these times.
         is_stamped: whether the messages carry a header stamp.
         jumps: how often a stamp lies before that of the message before.
-        first_jump_s: when that happened first, in s from the topic's first message.
+        first_jump_s: seconds from the topic's first message to the first such jump.
         frames: ``frame_id`` of the headers.
         numbers: paths of the scalar fields with the values of the first message.
         integers: those of them that are whole numbers or flags by type.
@@ -102,10 +102,10 @@ class TopicSurvey:
         return 1.0 / self.period_s if self.period_s > 0.0 else math.nan
 
 
-def survey(
+def inspect_topics(
     recording: Recording, *, progress: Callable[[int, int], None] | None = None
-) -> dict[str, TopicSurvey]:
-    """Look through a recording once.
+) -> dict[str, TopicInspection]:
+    """Inspect the topics of a recording, reading it once.
 
     Args:
         recording: what to read.
@@ -118,7 +118,8 @@ def survey(
         OccError: the recording is damaged.
     """
     topics = {
-        name: TopicSurvey(name, info.msgtype, info.count) for name, info in recording.topics.items()
+        name: TopicInspection(name, info.msgtype, info.count)
+        for name, info in recording.topics.items()
     }
     wanted = [
         name
@@ -139,7 +140,7 @@ def survey(
             except OccError as error:
                 topic.problem = str(error)
             else:
-                _look(topic, message)
+                _inspect_message(topic, message)
                 stamp = header_stamp_ns(message)
                 if stamp is not None:
                     stamps[raw.topic].append(stamp)
@@ -148,11 +149,11 @@ def survey(
             progress(number + 1, total)
     for name in wanted:
         topics[name].is_stamped = bool(stamps[name])
-        _time(topics[name], np.array(stamps[name] or arrivals[name], dtype=np.int64))
+        _measure_periods(topics[name], np.array(stamps[name] or arrivals[name], dtype=np.int64))
     return topics
 
 
-def _time(topic: TopicSurvey, times_ns: np.ndarray) -> None:
+def _measure_periods(topic: TopicInspection, times_ns: np.ndarray) -> None:
     steps = np.diff(times_ns) * 1e-9
     back = np.flatnonzero(steps < 0)
     topic.jumps = len(back)
@@ -164,7 +165,7 @@ def _time(topic: TopicSurvey, times_ns: np.ndarray) -> None:
         topic.slow_period_s = float(np.percentile(forward, 99))
 
 
-def _look(topic: TopicSurvey, message: Any) -> None:
+def _inspect_message(topic: TopicInspection, message: Any) -> None:
     if not topic.decoded:
         topic.decoded, topic.sample = True, message
         for path, value in _scalars(message):
@@ -175,10 +176,10 @@ def _look(topic: TopicSurvey, message: Any) -> None:
     if header is not None:
         topic.frames.add(header.frame_id)
     if topic.msgtype == 'sensor_msgs/msg/LaserScan' and len(message.ranges):
-        _look_at_scan(topic, message)
+        _inspect_scan(topic, message)
 
 
-def _look_at_scan(topic: TopicSurvey, message: Any) -> None:
+def _inspect_scan(topic: TopicInspection, message: Any) -> None:
     ranges = np.asarray(message.ranges, dtype=np.float64)
     count = len(ranges)
     ends = np.degrees(

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""What a feature map yields on a recording: ranges, gaps, stale values, the first problem."""
+"""Statistics of a feature map on a recording: ranges, gaps, stale values, first problems."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ TOLERATED_SHARE = 0.05
 
 
 @dataclass(frozen=True)
-class FeatureYield:
-    """What one feature was on one recording.
+class FeatureStatistics:
+    """Statistics of one feature on one recording.
 
     Attributes:
         source: the feature.
@@ -64,8 +64,8 @@ class FeatureYield:
 
 
 @dataclass(frozen=True)
-class MapYield:
-    """What a feature map yields on a recording.
+class MapStatistics:
+    """Statistics of a feature map on a recording.
 
     Attributes:
         rows: how many.
@@ -80,7 +80,7 @@ class MapYield:
     duration_s: float
     usable: float
     clock_jumps: int
-    features: tuple[FeatureYield, ...]
+    features: tuple[FeatureStatistics, ...]
     warnings: tuple[str, ...]
 
     @property
@@ -89,13 +89,13 @@ class MapYield:
         return self.clock_jumps > 0 or any(item.is_problem for item in self.features)
 
 
-def inspect(
+def map_statistics(
     recording: Recording,
     feature_map: FeatureMap,
     *,
     progress: Callable[[int, int], None] | None = None,
-) -> MapYield:
-    """Compute the features of a recording and say what they are like.
+) -> MapStatistics:
+    """Compute the features of a recording and their statistics.
 
     Args:
         recording: what to read.
@@ -135,26 +135,28 @@ def inspect(
     age = dict(zip(map(topic_key, topics), np.concatenate(ages).T, strict=True))
     space = feature_map.space
     usable = ((table >= space.lows) & (table <= space.highs) & np.isfinite(table)).all(axis=1)
-    return MapYield(
+    return MapStatistics(
         rows=len(table),
         duration_s=float(when.max() - when.min()) * 1e-9,
         usable=float(usable.mean()),
         clock_jumps=int(np.count_nonzero(np.diff(when) < 0)),
         features=tuple(
-            _yield(source, table[:, place], when, age, round(feature_map.max_age * 1e9))
+            _feature_statistics(
+                source, table[:, place], when, age, round(feature_map.max_age * 1e9)
+            )
             for place, source in enumerate(feature_map.features)
         ),
         warnings=recording.warnings,
     )
 
 
-def _yield(
+def _feature_statistics(
     source: FeatureSource,
     values: np.ndarray,
     stamps_ns: np.ndarray,
     ages_ns: dict[str, np.ndarray],
     max_age_ns: int,
-) -> FeatureYield:
+) -> FeatureStatistics:
     missing = ~np.isfinite(values)
     outside = ~missing & ((values < source.low) | (values > source.high))
     good = values[~missing & ~outside]
@@ -170,7 +172,7 @@ def _yield(
         problem = f'{(stamps_ns[row] - stamps_ns[0]) * 1e-9:.2f} s: '
         ages = {key: float(age[row]) for key, age in ages_ns.items()}
         problem += _reason(source, float(values[row]), ages, max_age_ns)
-    return FeatureYield(
+    return FeatureStatistics(
         source=source,
         low=float(low),
         median=float(median),
@@ -201,7 +203,7 @@ def _reason(source: FeatureSource, value: float, ages_ns: dict[str, float], max_
     if np.isinf(value):
         return f'the value is {value:g}'
     if any(step[0] == 'rate' for step in source.transform):
-        return 'no rate, as in a first row and after a gap or a clock that went back'
+        return 'no rate, as in a first row and after a gap or a backward clock jump'
     return 'nothing was measured'
 
 

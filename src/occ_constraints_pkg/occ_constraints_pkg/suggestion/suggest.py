@@ -13,17 +13,17 @@ from occ_constraints_pkg.errors import DataError
 from occ_constraints_pkg.features.feature_map import FeatureMap
 from occ_constraints_pkg.rosbag.recording import Recording
 from occ_constraints_pkg.suggestion.heuristics import KINDS, Candidate, candidates_of, nice_below
-from occ_constraints_pkg.suggestion.inspection import TopicSurvey, survey
-from occ_constraints_pkg.suggestion.statistics import MapYield, inspect
+from occ_constraints_pkg.suggestion.inspection import TopicInspection, inspect_topics
+from occ_constraints_pkg.suggestion.statistics import MapStatistics, map_statistics
 
 # A feature that is missing in a larger share of the rows is suggested in a comment only.
 _MISSING_SHARE = 0.2
-# Of a value that stays the same for this share of the recording, and this long, one should know.
+# A value constant for this share of the recording, and for so many seconds, is warned of.
 _STILL_SHARE, _STILL_S = 0.3, 2.0
 # What changes by less is noise, for example of a simulation, and not a movement.
 _NOISE = 0.002
 _RESOLUTIONS = {'m/s': 0.01, 'rad/s': 0.01, 'm/s^2': 0.1, 'm': 0.01, 'rad': 0.01}
-# What sets the pace, first choice first; what is not named here comes last.
+# Which kind of topic becomes the trigger topic, first choice first.
 _PACES = ('table', 'LaserScan', 'Odometry', 'Imu', 'Range', 'numbers', 'command')
 
 
@@ -33,36 +33,36 @@ class Suggestion:
 
     Attributes:
         name: the recording's.
-        pace: topic that sets the pace.
+        pace: the trigger topic.
         max_age: seconds.
         candidates: entries in use and entries set aside.
-        unused: topics of which no entry speaks.
+        unused: topics without an entry.
         warnings: one sentence each.
-        seen: what the entries in use yield on the recording.
+        seen: statistics of the entries in use on the recording.
     """
 
     name: str
-    pace: TopicSurvey
+    pace: TopicInspection
     max_age: float
     candidates: tuple[Candidate, ...]
-    unused: tuple[TopicSurvey, ...]
+    unused: tuple[TopicInspection, ...]
     warnings: tuple[str, ...]
-    seen: MapYield
+    seen: MapStatistics
 
 
 def suggest(
     recording: Recording, *, progress: Callable[[int, int], None] | None = None
 ) -> Suggestion:
-    """Look through a recording and suggest features.
+    """Inspect a recording and suggest features.
 
     Args:
-        recording: what to read; twice.
+        recording: it is read three times.
         progress: called with (messages read, messages in all), for each reading anew.
 
     Raises:
         OccError: the recording is damaged, or has no topic of which a feature can be suggested.
     """
-    topics = survey(recording, progress=progress)
+    topics = inspect_topics(recording, progress=progress)
     candidates = [item for topic in topics.values() for item in candidates_of(topic)]
     candidates.sort(key=lambda item: KINDS.index(item.kind))
     _set_aside(candidates)
@@ -75,13 +75,13 @@ def suggest(
         )
     _rename(candidates)
     used = [item for item in candidates if not item.aside]
-    _inspect(recording, candidates, *_alignment(used), progress)
+    _assess(recording, candidates, *_alignment(used), progress)
     used = [item for item in candidates if not item.aside]
     if not used:
         reasons = '; '.join(f'{item.entry["name"]}: {item.aside}' for item in candidates)
         raise DataError(f'{recording.path} has no feature that can be used: {reasons}')
     pace, max_age = _alignment(used)
-    seen = inspect(recording, _map(used, pace, max_age), progress=progress)
+    seen = map_statistics(recording, _map(used, pace, max_age), progress=progress)
     named = {item.topic.name for item in candidates}
     return Suggestion(
         name=recording.name,
@@ -95,7 +95,7 @@ def suggest(
 
 
 def _set_aside(candidates: Sequence[Candidate]) -> None:
-    """Set aside what says again what another entry says better."""
+    """Set aside entries that another one replaces."""
     first: dict[str, str] = {}
     for item in sorted(candidates, key=lambda item: (len(item.topic.name), item.topic.name)):
         if item.kind in ('LaserScan', 'Odometry', 'command', 'Imu') and not item.aside:
@@ -112,8 +112,7 @@ def _set_aside(candidates: Sequence[Candidate]) -> None:
             item.aside = f'the table {richest} is used instead'
         if item.kind == 'command' and kinds & {'Odometry', 'table'}:
             item.aside = (
-                'what was commanded; commands end when nobody drives, and a value that is missing '
-                'makes the verdict UNKNOWN'
+                'commands stop when nobody drives, and a missing value makes the verdict UNKNOWN'
             )
         elif item.entry['name'] == 'gyro_z' and 'Odometry' in kinds:
             item.aside = 'turn_rate of the odometry is used instead'
@@ -133,8 +132,8 @@ def _rename(candidates: Sequence[Candidate]) -> None:
         item.entry['name'] = name
 
 
-def _alignment(used: Sequence[Candidate]) -> tuple[TopicSurvey, float]:
-    """Choose the topic that sets the pace, and after how many s a held value is too old.
+def _alignment(used: Sequence[Candidate]) -> tuple[TopicInspection, float]:
+    """Choose the trigger topic, and after how many seconds a latest value is too old.
 
     That is twice the longest usual time between messages, within 0.2 to 2 s.
     """
@@ -144,7 +143,7 @@ def _alignment(used: Sequence[Candidate]) -> tuple[TopicSurvey, float]:
     return pace, min(max(math.ceil(twice * 10.0) / 10.0, 0.2), 2.0)
 
 
-def _map(used: Sequence[Candidate], pace: TopicSurvey, max_age: float) -> FeatureMap:
+def _map(used: Sequence[Candidate], pace: TopicInspection, max_age: float) -> FeatureMap:
     document = {
         'schema_version': 1,
         'pace': pace.key,
@@ -154,24 +153,24 @@ def _map(used: Sequence[Candidate], pace: TopicSurvey, max_age: float) -> Featur
     return FeatureMap.from_document(document, 'the suggested map')
 
 
-def _inspect(
+def _assess(
     recording: Recording,
     candidates: Sequence[Candidate],
-    pace: TopicSurvey,
+    pace: TopicInspection,
     max_age: float,
     progress: Callable[[int, int], None] | None,
 ) -> None:
-    """Look at each candidate's values; set aside what cannot be used, and choose resolutions."""
+    """Set aside candidates whose values cannot be used, and choose resolutions."""
     readable = []
     for item in candidates:
         # A table as the pace has rows for several robots; other tables hardly fit to it.
         if item.kind != 'table' or item.topic is pace:
             readable.append(item)
-    yields = inspect(recording, _map(readable, pace, max_age), progress=progress).features
+    found = map_statistics(recording, _map(readable, pace, max_age), progress=progress).features
     at = 0
     for item in readable:
         size = item.entry.get('sectors', 1)
-        item.seen, at = yields[at : at + size], at + size
+        item.seen, at = found[at : at + size], at + size
         if not item.aside:
             item.aside = _flaw(item)
         if item.kind == 'Range':
@@ -223,9 +222,9 @@ def _round(item: Candidate) -> None:
 
 def _warnings(
     candidates: Sequence[Candidate],
-    topics: dict[str, TopicSurvey],
-    pace: TopicSurvey,
-    seen: MapYield,
+    topics: dict[str, TopicInspection],
+    pace: TopicInspection,
+    seen: MapStatistics,
 ) -> Iterator[str]:
     used = {item.topic.name for item in candidates if not item.aside}
     for name, topic in topics.items():
@@ -236,28 +235,32 @@ def _warnings(
         if topic.jumps:
             times = 'once' if topic.jumps == 1 else f'{topic.jumps} times'
             yield (
-                f'the stamps of {name} go back {times}, first {topic.first_jump_s:.1f} s after '
+                f'the stamps of {name} jump back {times}, first {topic.first_jump_s:.1f} s after '
                 'its first message'
             )
         if not topic.is_stamped:
-            what = 'it sets the pace all the same' if topic is pace else 'their age goes by arrival'
+            what = (
+                'it is the trigger topic all the same'
+                if topic is pace
+                else 'their age is that of their arrival'
+            )
             yield f'the messages of {name} have no time stamp; {what}'
         if 'map' in topic.frames and hasattr(topic.sample, 'pose'):
             yield (
-                f'the poses of {name} are in the frame map, which jumps when the robot finds out '
-                'better where it is; they are not used'
+                f'the poses of {name} are in the frame map, which jumps when the robot '
+                'relocalizes; they are not used'
             )
         below = 0.0 if topic.scan is None else topic.scan.counts[3] / topic.scan.counts[4]
         if below > 0.0:
             yield (
-                f'{below:.0%} of the ranges of {name} lie below its range_min; they are taken as '
-                'they are, for something may be that close'
+                f'{below:.0%} of the ranges of {name} lie below its range_min; they are kept, '
+                'because something may be that close'
             )
     for item in candidates:
         for part in () if item.aside or item.is_flag else item.seen:
             is_still = part.longest_still_s > max(_STILL_S, _STILL_SHARE * seen.duration_s)
             if is_still:
                 yield (
-                    f'{part.source.name} did not change for {part.longest_still_s:.1f} s: steady, '
-                    'or a frozen source'
+                    f'{part.source.name} did not change for {part.longest_still_s:.1f} s: it is '
+                    'steady, or its source is frozen'
                 )

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Suggested feature maps as commented YAML, and what a map yields as a table."""
+"""Suggested feature maps as commented YAML, and statistics of a map as a table."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from occ_constraints_pkg.suggestion.heuristics import Candidate
-from occ_constraints_pkg.suggestion.statistics import FeatureYield, MapYield
+from occ_constraints_pkg.suggestion.statistics import FeatureStatistics, MapStatistics
 from occ_constraints_pkg.suggestion.suggest import Suggestion
 from occ_constraints_pkg.terminal import printable
 
@@ -33,12 +33,11 @@ def suggestion_text(suggestion: Suggestion) -> str:
         *(line for text in suggestion.warnings for line in _comment(f'Warning: {text}.')),
         'schema_version: 1',
         *_comment(
-            f'Each message of this topic gives one row ({_rate(pace.rate)}); the others are held.'
+            f'The trigger topic: each of its messages gives one row ({_rate(pace.rate)}); of the '
+            'other topics, the latest value is used.'
         ),
         f'pace: {_flow(pace.key)}',
-        *_comment(
-            'Seconds; a held value that is older counts as missing, and the verdict is UNKNOWN.'
-        ),
+        *_comment('In seconds. An older value counts as missing, and the verdict is then UNKNOWN.'),
         f'max_age: {suggestion.max_age}',
         'features:',
     ]
@@ -47,7 +46,7 @@ def suggestion_text(suggestion: Suggestion) -> str:
         lines += ['', *_about(item), *_item(item.entry)]
     aside = [item for item in suggestion.candidates if item.aside]
     if aside:
-        lines += ['', *_comment('Not used, for the reason that stands with each:')]
+        lines += ['', *_comment('Not used, each for the reason given:')]
     for item in aside:
         lines += ['#', *_about(item), *(f'# {line}' for line in _item(item.entry))]
     if suggestion.unused:
@@ -56,10 +55,10 @@ def suggestion_text(suggestion: Suggestion) -> str:
     return '\n'.join(lines) + '\n'
 
 
-def describe_yield(seen: MapYield, where: str, pace: str) -> str:
-    """Return what a map yields as a table for people."""
+def describe_statistics(seen: MapStatistics, where: str, pace: str) -> str:
+    """Return the statistics of a map as a table for people."""
     lines = [
-        f'{where}: {seen.rows} rows in {seen.duration_s:.1f} s, paced by {pace}; '
+        f'{where}: {seen.rows} rows in {seen.duration_s:.1f} s, triggered by {pace}; '
         f'{seen.usable:.1%} can be judged',
         f'{"feature":<24}{"unit":>7}{"min":>11}{"median":>11}{"max":>11}{"missing":>9}'
         f'{"outside":>9}{"stale":>8}  first problem',
@@ -72,12 +71,12 @@ def describe_yield(seen: MapYield, where: str, pace: str) -> str:
             f'{item.source.name:<24}{item.source.unit:>7}{numbers}{shares}  {problem}'.rstrip()
         )
     if seen.clock_jumps:
-        lines.append(f'time goes back {seen.clock_jumps} times from one row to the next')
+        lines.append(f'stamps jump back {seen.clock_jumps} times from one row to the next')
     return '\n'.join(map(printable, lines))
 
 
-def yield_document(seen: MapYield) -> dict[str, Any]:
-    """Return what a map yields as what JSON can hold; a number that is not there is None."""
+def statistics_document(seen: MapStatistics) -> dict[str, Any]:
+    """Return the statistics of a map as plain values for JSON; None for a missing number."""
     return {
         'rows': seen.rows,
         'duration_s': seen.duration_s,
@@ -120,7 +119,7 @@ def _about(item: Candidate) -> list[str]:
     return lines
 
 
-def _span(seen: Sequence[FeatureYield]) -> str:
+def _span(seen: Sequence[FeatureStatistics]) -> str:
     low, high = min(item.low for item in seen), max(item.high for item in seen)
     if low == high:
         return f'always {_number(low)}'

@@ -24,7 +24,7 @@ from occ_constraints_pkg.errors import DataError
 from occ_constraints_pkg.files import open_regular
 from occ_constraints_pkg.traffic.plausible import LARGEST, check_motion
 from occ_constraints_pkg.traffic.recorded import FARTHEST
-from occ_constraints_pkg.traffic.trajectories import Drives
+from occ_constraints_pkg.traffic.trajectories import Trajectories
 
 _RADAR, _SPEED = 'processed_log/CAN/radar', 'processed_log/CAN/speed'
 _POSE = 'global_pose/frame_'
@@ -39,7 +39,7 @@ _GPS_EPOCH, _WEEK = 315_964_800, 604_800
 _LEAP_SECONDS = 18
 
 
-def read_comma2k19(path: Path, progress: Callable[[int, int], None] | None = None) -> Drives:
+def read_comma2k19(path: Path, progress: Callable[[int, int], None] | None = None) -> Trajectories:
     """Read a segment: one row for each picture of the camera, 20 per second.
 
     Args:
@@ -84,7 +84,7 @@ def read_comma2k19(path: Path, progress: Callable[[int, int], None] | None = Non
             progress(row, len(times))
     utc = _GPS_EPOCH - _LEAP_SECONDS + gps[:, 0] * _WEEK + gps[:, 1]
     first = int(np.argmax(inside))
-    return Drives(
+    return Trajectories(
         names=('v_x', 'p_rel4'),
         values=np.stack([speed, gaps], axis=1)[inside],
         vehicle=np.zeros(inside.sum(), dtype=np.int64),

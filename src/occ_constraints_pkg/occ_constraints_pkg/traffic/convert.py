@@ -14,8 +14,8 @@ from occ_constraints_pkg.errors import DataError
 from occ_constraints_pkg.features.feature_map import load_feature_map
 from occ_constraints_pkg.files import sha256_of
 from occ_constraints_pkg.traffic.formats import FORMATS
-from occ_constraints_pkg.traffic.recorded import drives_of
-from occ_constraints_pkg.traffic.trajectories import Drives, write_drives
+from occ_constraints_pkg.traffic.recorded import trajectories_of
+from occ_constraints_pkg.traffic.trajectories import Trajectories, write_trajectories
 
 _MAPS = ('highway', 'highway_road', 'highway_following')
 
@@ -25,7 +25,7 @@ class Imported:
     """What was written.
 
     Attributes:
-        drives: number of vehicles, each an episode.
+        trajectories: number of vehicles, each an episode.
         rows: number of messages.
         seconds: how long the vehicles were recorded, all together.
         features: their names.
@@ -33,7 +33,7 @@ class Imported:
         warnings: one sentence for each thing that was left out.
     """
 
-    drives: int
+    trajectories: int
     rows: int
     seconds: float
     features: tuple[str, ...]
@@ -41,7 +41,7 @@ class Imported:
     warnings: tuple[str, ...]
 
 
-def import_drives(
+def import_trajectories(
     format_name: str,
     path: str | Path,
     output: str | Path,
@@ -49,7 +49,7 @@ def import_drives(
     keep_gaps: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> Imported:
-    """Write the drives of a recording of traffic to a new bag.
+    """Write the trajectories of a recording of traffic to a new bag.
 
     Args:
         format_name: one of :data:`~occ_constraints_pkg.traffic.formats.FORMATS`.
@@ -64,29 +64,33 @@ def import_drives(
     """
     if Path(output).exists():
         raise DataError(f'{output} exists already; allowed is a new directory for each recording')
-    drives = read_drives(format_name, path, keep_gaps=keep_gaps, progress=progress)
-    write_drives(drives, Path(output), progress=progress)
-    seconds = (drives.stamps_ns[-1] - drives.start_ns) / 1e9 - (len(drives.beginnings) - 1)
+    trajectories = read_trajectories(format_name, path, keep_gaps=keep_gaps, progress=progress)
+    write_trajectories(trajectories, Path(output), progress=progress)
+    seconds = (trajectories.stamps_ns[-1] - trajectories.start_ns) / 1e9 - (
+        len(trajectories.beginnings) - 1
+    )
     return Imported(
-        drives=len(drives.beginnings),
-        rows=len(drives.time),
+        trajectories=len(trajectories.beginnings),
+        rows=len(trajectories.time),
         seconds=round(float(seconds), 3),
-        features=drives.names,
-        feature_map=next(name for name in _MAPS if load_feature_map(name).names == drives.names),
-        warnings=drives.warnings,
+        features=trajectories.names,
+        feature_map=next(
+            name for name in _MAPS if load_feature_map(name).names == trajectories.names
+        ),
+        warnings=trajectories.warnings,
     )
 
 
-def read_drives(
+def read_trajectories(
     format_name: str,
     path: str | Path,
     *,
     keep_gaps: bool = False,
     progress: Callable[[int, int], None] | None = None,
-) -> Drives:
-    """Read the drives of a recording of traffic.
+) -> Trajectories:
+    """Read the trajectories of a recording of traffic.
 
-    Takes the same arguments as :func:`import_drives`.
+    Takes the same arguments as :func:`import_trajectories`.
 
     Raises:
         OccError: the input is not of that format or is damaged.
@@ -98,9 +102,11 @@ def read_drives(
         raise DataError(f'the format {format_name} shows one car, so there are no gaps to keep')
     module = import_module(f'{__package__}.{chosen.reader.removeprefix("read_")}')
     found = getattr(module, chosen.reader)(path, progress)
-    drives = drives_of(found, str(path), keep_gaps=keep_gaps) if chosen.shows_traffic else found
+    trajectories = (
+        trajectories_of(found, str(path), keep_gaps=keep_gaps) if chosen.shows_traffic else found
+    )
     said = {'format': format_name, 'file': path.absolute().name, 'licence': chosen.licence}
     if path.is_file():
         said['sha256'] = sha256_of([path])
     said['imported_by'] = f'occ_constraints {__version__}'
-    return replace(drives, source={**said, **drives.source})
+    return replace(trajectories, source={**said, **trajectories.source})

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from occ_constraints_pkg.traffic.trajectories import Drives
+from occ_constraints_pkg.traffic.trajectories import Trajectories
 
 GAPS = tuple(f'p_rel{place}' for place in range(6))
 FEATURES = ('v_x', 'v_y', *GAPS, 'd_left', 'd_right')
@@ -52,8 +52,8 @@ class Traffic:
     warnings: tuple[str, ...] = ()
 
 
-def drives_of(traffic: Traffic, where: str, *, keep_gaps: bool = False) -> Drives:
-    """Return the drives of the vehicles with their features.
+def trajectories_of(traffic: Traffic, where: str, *, keep_gaps: bool = False) -> Trajectories:
+    """Return the trajectories of the vehicles with their features.
 
     The gaps are left out, with a warning, where vehicles are at the place of others in more than
     5 % of the rows: such a recording shows vehicles together that were not on the road together,
@@ -86,7 +86,7 @@ def drives_of(traffic: Traffic, where: str, *, keep_gaps: bool = False) -> Drive
             sentence += f'; the gaps {GAPS[0]} to {GAPS[-1]} are left out'
             table = {name: column for name, column in table.items() if name not in GAPS}
         warnings.append(sentence)
-    return Drives(
+    return Trajectories(
         names=tuple(table),
         values=np.stack(list(table.values()), axis=1)[order],
         vehicle=traffic.vehicle[order],

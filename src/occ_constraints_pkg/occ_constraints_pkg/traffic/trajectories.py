@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Drives of recorded vehicles, and their way into a bag: one episode for each vehicle."""
+"""Trajectories of recorded vehicles, and their way into a bag: one episode for each vehicle."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _REPORT_EVERY = 2000
 
 
 @dataclass(frozen=True, eq=False)
-class Drives:
+class Trajectories:
     """What vehicles did, row by row, each vehicle's rows together and in order of time.
 
     Attributes:
@@ -50,7 +50,7 @@ class Drives:
         rows = len(self.vehicle)
         if self.values.shape != (rows, len(self.names)) or self.time.shape != (rows,):
             raise DataError(
-                f'drives of {rows} rows and {len(self.names)} features got values of shape '
+                f'trajectories of {rows} rows and {len(self.names)} features got values of shape '
                 f'{self.values.shape} and times of shape {self.time.shape}'
             )
 
@@ -75,17 +75,20 @@ class Drives:
         return stamps
 
 
-def write_drives(
-    drives: Drives, directory: Path, *, progress: Callable[[int, int], None] | None = None
+def write_trajectories(
+    trajectories: Trajectories,
+    directory: Path,
+    *,
+    progress: Callable[[int, int], None] | None = None,
 ) -> None:
-    """Write drives to a new bag, which is there as a whole or not at all.
+    """Write trajectories to a new bag, which is there as a whole or not at all.
 
     Every row is one message of the topic ``observation``: a table with the features and
-    :data:`OWN_COLUMNS`. What :attr:`Drives.source` says stands under ``custom_data`` in the
+    :data:`OWN_COLUMNS`. What :attr:`Trajectories.source` says stands under ``custom_data`` in the
     bag's metadata.
 
     Args:
-        drives: at least one row.
+        trajectories: at least one row.
         directory: of the bag; it must not exist.
         progress: called with (rows written, rows in all).
 
@@ -101,7 +104,7 @@ def write_drives(
     aside = directory.absolute().parent / f'.{directory.name}.{os.getpid()}'
     try:
         aside.mkdir(parents=True)
-        _write(drives, aside / directory.name, progress)
+        _write(trajectories, aside / directory.name, progress)
         os.rename(aside / directory.name, directory)
     except OSError as error:
         raise DataError(f'cannot write {directory}: {error.strerror or error}') from error
@@ -113,14 +116,16 @@ def write_drives(
         shutil.rmtree(aside, ignore_errors=True)
 
 
-def _write(drives: Drives, directory: Path, progress: Callable[[int, int], None] | None) -> None:
-    episode = np.zeros(len(drives.time))
-    episode[drives.beginnings[1:]] = 1.0
-    own = np.stack([drives.vehicle, drives.time, np.cumsum(episode)], axis=1)
-    rows = np.concatenate([drives.values, own], axis=1)
-    serializer = TableSerializer((*drives.names, *OWN_COLUMNS), FRAME)
-    stamps = drives.stamps_ns.tolist()
-    with BagWriter(directory, custom_data=drives.source) as bag:
+def _write(
+    trajectories: Trajectories, directory: Path, progress: Callable[[int, int], None] | None
+) -> None:
+    episode = np.zeros(len(trajectories.time))
+    episode[trajectories.beginnings[1:]] = 1.0
+    own = np.stack([trajectories.vehicle, trajectories.time, np.cumsum(episode)], axis=1)
+    rows = np.concatenate([trajectories.values, own], axis=1)
+    serializer = TableSerializer((*trajectories.names, *OWN_COLUMNS), FRAME)
+    stamps = trajectories.stamps_ns.tolist()
+    with BagWriter(directory, custom_data=trajectories.source) as bag:
         for number, (row, stamp) in enumerate(zip(rows, stamps, strict=True)):
             bag.write(TOPIC, TABLE_TYPE, serializer.serialize(row, stamp), stamp)
             if progress is not None and number % _REPORT_EVERY == 0:

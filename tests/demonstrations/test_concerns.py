@@ -135,7 +135,7 @@ def test_nothing_is_calibrated_on_that_was_learned_from(table, learn, run_occ):
     name = table(episodes=40)
     code, _, err = run_occ(f'learn {name} --false-alarm 0.1 --calibrate-on {name} -o x.yaml')
     assert code == 2
-    assert 'nothing to calibrate on that is not learned from' in err
+    assert 'all of it is learned from' in err
 
 
 @pytest.mark.parametrize(

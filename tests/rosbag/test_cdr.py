@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from occ_constraints_pkg.features.cdr import CdrFields, UnreadableError
+from occ_constraints_pkg.rosbag.cdr import CdrFields, UnreadableError
 from rosbags.interfaces import Nodetype
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore

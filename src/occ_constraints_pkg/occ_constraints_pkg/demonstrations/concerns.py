@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""What a careful colleague would say of demonstrations before rules are learned from them."""
+"""Doubts about demonstrations, to be raised before rules that rest on them are used."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _FEW_SAMPLES = 100
 _LEAST_OF_A_FAMILY = 4
 # What is estimated from samples may be that much larger than the share that was stated.
 _SLACK = 0.01
-# As many samples tell what share of all of them are outliers.
+# So many samples suffice to estimate the share of outliers.
 _SOME = 20_000
 
 
@@ -33,7 +33,7 @@ def concerns(data: Dataset, space: FeatureSpace, settings: OCTreeSettings) -> It
     Args:
         data: what is learned from.
         space: its features.
-        settings: how is learned from it.
+        settings: of the learner.
     """
     rows = data.values[space.knows(data.values)]
     yield from _of_cost(data, settings)
@@ -48,7 +48,7 @@ def _of_cost(data: Dataset, settings: OCTreeSettings) -> Iterator[str]:
     share = costly / len(data)
     if not costly or (stated is not None and stated >= share):
         return
-    cure = 'leave them out, or learn from drives that are safe throughout'
+    cure = 'leave them out, or learn from episodes that are safe throughout'
     if settings.clip == 'mass':
         cure += f', or state a contamination of at least {_rounded_up(share)}'
     if stated is not None:
@@ -71,7 +71,7 @@ def _of_amount(data: Dataset, usable: int) -> Iterator[str]:
             ('there is ' if episodes == 1 else 'there are ')
             + count_of(episodes, 'episode')
             + f'; with fewer than {LEAST_EPISODES_TO_HOLD_OUT} none is held out, so nothing tells '
-            f'how well the rules fit drives that were not seen{hint}'
+            f'how well the rules fit unseen episodes{hint}'
         )
 
 
@@ -79,11 +79,11 @@ def _of_families(space: FeatureSpace, settings: OCTreeSettings) -> Iterator[str]
     if settings.clip != 'mass':
         # Clipping by density knows no families.
         return
-    declared = {place for family in families(space, settings) for place in family}
+    declared = {index for family in families(space, settings) for index in family}
     groups: dict[tuple, list[str]] = {}
-    for place, feature in enumerate(space.features):
+    for index, feature in enumerate(space.features):
         stem = re.fullmatch(r'(.*?)\d+', feature.name)
-        if stem and place not in declared:
+        if stem and index not in declared:
             key = stem[1], feature.unit, feature.low, feature.high
             groups.setdefault(key, []).append(feature.name)
     for names in groups.values():

@@ -9,8 +9,7 @@ string or sequence; between them, fields lie at distances that are known beforeh
 done for all messages together, as an operation on arrays of positions.
 
 Messages are walked through to their end and must be as long as they say; what is wrong with one
-that is not, or that lacks an element asked for, is left to be told by a decoder that reads one
-message at a time.
+that is not, or that lacks an element asked for, is reported by the decoder of single messages.
 """
 
 from __future__ import annotations
@@ -22,19 +21,32 @@ from typing import Any
 import numpy as np
 from rosbags.interfaces import Nodetype
 
-from occ_constraints_pkg.features import cdr_steps
-from occ_constraints_pkg.features.cdr_steps import (
-    MOST_PARTS,
-    Cursor,
-    UnreadableError,
-    number_dtype,
-)
-
 Step = str | int | slice
 Path = tuple[Step, ...]
 """A field path in steps: ``('ranges', slice(0, 9))`` is ``ranges[0:9]``."""
 
 _LITTLE_ENDIAN = 0x0100  # the head's first two bytes, 00 01, read as a number
+_DTYPES = {
+    'bool': '?',
+    'byte': 'i1',
+    'char': 'u1',
+    'int8': 'i1',
+    'uint8': 'u1',
+    'int16': '<i2',
+    'uint16': '<u2',
+    'int32': '<i4',
+    'uint32': '<u4',
+    'int64': '<i8',
+    'uint64': '<u8',
+    'float32': '<f4',
+    'float64': '<f8',
+}
+# Sequences of more parts of varying length are left to a decoder of single messages.
+_MOST_PARTS = 4096
+
+
+class UnreadableError(ValueError):
+    """Some message is not as it should be, or is of a kind that this module does not read."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +114,7 @@ class CdrFields:
         Raises:
             UnreadableError: a message is damaged, is big-endian, or lacks an element.
         """
-        cursor = Cursor(data, starts + 4, ends - starts - 4)
+        cursor = _Cursor(data, starts + 4, ends - starts - 4)
         if (cursor.size < 0).any():
             raise UnreadableError('a message is too short')
         if (cursor.numbers('<u2', starts) != _LITTLE_ENDIAN).any():
@@ -125,7 +137,7 @@ class _Leaf:
     step: Step | None = None
     length: int | None = None  # of an array; -1 where a sequence has a length of its own
 
-    def read(self, cursor: Cursor) -> list[Group]:
+    def read(self, cursor: _Cursor) -> list[Group]:
         rows = np.arange(len(cursor.body))
         if self.length is None:
             columns = [
@@ -145,7 +157,7 @@ class _Leaf:
             groups.append(Group(some, base, *_reach(self.step, length)))
         return groups
 
-    def _base(self, cursor: Cursor, length: int, at: np.ndarray) -> np.ndarray:
+    def _base(self, cursor: _Cursor, length: int, at: np.ndarray) -> np.ndarray:
         """Return the whole array of some messages; fields in the same array get the same one."""
         key = (self.keys[0], length)
         if key not in cursor.found:
@@ -193,7 +205,7 @@ class _Compiler:
         if depth > 32:
             raise UnreadableError('a type contains itself')
         self._definitions, self._depth = definitions, depth
-        self.steps: list[Callable[[Cursor], None]] = []
+        self.steps: list[Callable[[_Cursor], None]] = []
         self.leaves: dict[int, _Leaf] = {}
         self.offset, self.known = 0, 8
         self._vectors: set[int] = set()
@@ -231,7 +243,7 @@ class _Compiler:
     def advance(self) -> None:
         """Bring the cursor to where the compiler is."""
         if self.offset:
-            self._do(cdr_steps.advance, self.offset)
+            self._do(_advance, self.offset)
             self.offset, self.known = 0, 1
 
     def _do(self, step: Callable[..., None], *arguments: Any) -> None:
@@ -241,7 +253,7 @@ class _Compiler:
         if size <= self.known:
             self.offset = -(-self.offset // size) * size
         else:
-            self._do(cdr_steps.align, self.offset, size)
+            self._do(_align, self.offset, size)
             self.offset, self.known = 0, size
 
     def _base(self, name: str, wanted: Mapping[Any, Path]) -> None:
@@ -249,15 +261,15 @@ class _Compiler:
             if wanted:
                 raise UnreadableError('a string is no number')
             self._align(4)
-            self._do(cdr_steps.pass_string, self.offset)
+            self._do(_pass_string, self.offset)
             self.offset, self.known = 0, 1
             return
-        dtype = number_dtype(name)
+        dtype = _number_dtype(name)
         self._align(dtype.itemsize)
         for key, path in wanted.items():
             if path:
                 raise UnreadableError('a number has no parts')
-            self._do(cdr_steps.note, self.offset, key)
+            self._do(_note, self.offset, key)
             number, place = key
             leaf = self.leaves.get(number) if place else None
             self.leaves[number] = _Leaf(
@@ -270,17 +282,17 @@ class _Compiler:
     def _array(self, element: Any, length: int, wanted: Mapping[Any, Path]) -> None:
         kind, argument = element
         if kind == Nodetype.BASE and argument[0] != 'string':
-            dtype = number_dtype(argument[0])
+            dtype = _number_dtype(argument[0])
             self._align(dtype.itemsize)
             key = object()
-            self._do(cdr_steps.note, self.offset, key)
+            self._do(_note, self.offset, key)
             for (number, _), path in wanted.items():
                 self._add_array(number, path, dtype, key, length)
                 # The reach is checked here once and for all.
                 _reach(path[0] if path else None, length)
             self.offset += length * dtype.itemsize
             return
-        if length > MOST_PARTS:
+        if length > _MOST_PARTS:
             raise UnreadableError('an array has too many parts')
         for index in range(length):
             inner = {
@@ -297,9 +309,9 @@ class _Compiler:
         kind, argument = element
         self._align(4)
         if kind == Nodetype.BASE and argument[0] != 'string':
-            dtype = number_dtype(argument[0])
+            dtype = _number_dtype(argument[0])
             key = object()
-            self._do(cdr_steps.pass_numbers, self.offset, dtype.itemsize, key)
+            self._do(_pass_numbers, self.offset, dtype.itemsize, key)
             self.offset, self.known = 0, min(4, dtype.itemsize)
             for (number, _), path in wanted.items():
                 self._add_array(number, path, dtype, key, -1)
@@ -308,7 +320,7 @@ class _Compiler:
             raise UnreadableError('parts of a sequence of messages are read one at a time')
         layout = self._layout(argument) if kind == Nodetype.NAME else None
         if layout is not None:
-            self._do(cdr_steps.pass_parts, self.offset, *layout)
+            self._do(_pass_parts, self.offset, *layout)
         else:
             inner = _Compiler(self._definitions, self._depth)
             inner.known = 1
@@ -317,7 +329,7 @@ class _Compiler:
             else:
                 inner.part(argument, {})
             inner.advance()
-            self._do(cdr_steps.pass_each, self.offset, inner.steps)
+            self._do(_pass_each, self.offset, inner.steps)
         self.offset, self.known = 0, 1
 
     def _add_array(
@@ -356,4 +368,117 @@ class _Compiler:
         if kind == Nodetype.NAME:
             find = self._first_alignment if first else self._largest_alignment
             return find(argument)
-        return 4 if argument[0] == 'string' else number_dtype(argument[0]).itemsize
+        return 4 if argument[0] == 'string' else _number_dtype(argument[0]).itemsize
+
+
+class _Cursor:
+    """How far the walk through each message has come.
+
+    Attributes:
+        body: (n,) where each message's body begins in the data.
+        size: (n,) its length.
+        place: how far into the body the walk is: one number for all, or (n,).
+        found: places, and lengths of sequences, that leaves ask for.
+    """
+
+    def __init__(self, data: bytes | memoryview, body: np.ndarray, size: np.ndarray) -> None:
+        self.data, self.body, self.size = data, body, size
+        self.place: Any = 0
+        self.found: dict[Any, Any] = {}
+
+    def numbers(self, dtype: str | np.dtype, at: np.ndarray) -> np.ndarray:
+        """Return the (n,) numbers that begin at any bytes of the data."""
+        kind = np.dtype(dtype)
+        count = len(self.data) - kind.itemsize + 1
+        return np.ndarray((max(count, 0),), kind, self.data, strides=(1,))[at]
+
+    def length(self, place: Any) -> np.ndarray:
+        """Return the (n,) lengths that stand before strings and sequences."""
+        if (place + 4 > self.size).any():
+            raise UnreadableError('a message ends within a length')
+        return self.numbers('<u4', self.body + place).astype(np.int64)
+
+    def part(self, rows: np.ndarray) -> _Cursor:
+        """Return a cursor over some of the messages."""
+        cursor = _Cursor(self.data, self.body[rows], self.size[rows])
+        cursor.place = self.place[rows]
+        return cursor
+
+
+def _number_dtype(name: str) -> np.dtype:
+    """Return how numbers of a kind are stored.
+
+    Raises:
+        UnreadableError: the kind is no number that is read here.
+    """
+    if name not in _DTYPES:
+        raise UnreadableError(f'there are no numbers of kind {name}')
+    return np.dtype(_DTYPES[name])
+
+
+def _advance(cursor: _Cursor, offset: int) -> None:
+    """Go on by a known distance."""
+    cursor.place = cursor.place + offset
+
+
+def _align(cursor: _Cursor, offset: int, size: int) -> None:
+    """Go on by a known distance, and to the next multiple of a size."""
+    cursor.place = (cursor.place + (offset + size - 1)) & -size
+
+
+def _note(cursor: _Cursor, offset: int, key: Any) -> None:
+    """Remember a place for a leaf."""
+    cursor.found[key] = cursor.place + offset
+
+
+def _pass_string(cursor: _Cursor, offset: int) -> None:
+    """Go to the end of a string."""
+    place = cursor.place + offset
+    length = cursor.length(place)
+    cursor.place = place + 4 + length
+    if (length < 1).any() or (cursor.place > cursor.size).any():
+        raise UnreadableError('a string is longer than its message')
+    if cursor.numbers('u1', cursor.body + cursor.place - 1).any():
+        raise UnreadableError('a string has no end')
+
+
+def _pass_numbers(cursor: _Cursor, offset: int, size: int, key: Any) -> None:
+    """Go to the end of a sequence of numbers; remember its place and length."""
+    place = cursor.place + offset
+    length = cursor.length(place)
+    place = place + 4
+    if size > 4:
+        # An empty sequence has no elements that would need alignment.
+        place = np.where(length > 0, (place + (size - 1)) & -size, place)
+    cursor.found[key] = place, length
+    cursor.place = place + length * size
+    if (cursor.place > cursor.size).any():
+        raise UnreadableError('a sequence is longer than its message')
+
+
+def _pass_parts(cursor: _Cursor, offset: int, alignment: int, size: int) -> None:
+    """Go to the end of a sequence of parts that are all of one size."""
+    place = cursor.place + offset
+    length = cursor.length(place)
+    if (length > cursor.size).any():
+        raise UnreadableError('a sequence is longer than its message')
+    place = place + 4
+    stride = -(-size // alignment) * alignment
+    beyond = ((place + (alignment - 1)) & -alignment) + (length - 1) * stride + size
+    cursor.place = np.where(length > 0, beyond, place)
+
+
+def _pass_each(cursor: _Cursor, offset: int, steps: list[Callable[[_Cursor], None]]) -> None:
+    """Go through a sequence of parts one by one, in all messages together."""
+    place = cursor.place + offset
+    length = cursor.length(place)
+    # Each part has a byte at least.
+    if (length > np.minimum(cursor.size, _MOST_PARTS)).any():
+        raise UnreadableError('a sequence is longer than its message, or very long')
+    cursor.place = place = np.broadcast_to(place + 4, length.shape).copy()
+    for number in range(int(length.max())):
+        rows = np.flatnonzero(length > number)
+        part = cursor.part(rows)
+        for step in steps:
+            step(part)
+        place[rows] = part.place

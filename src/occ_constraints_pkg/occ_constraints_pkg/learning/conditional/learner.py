@@ -1,0 +1,239 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""From demonstrations to the safe set: box, margins, tails, conditional rules."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.learning.conditional.acceptance import MOST_OUTSIDE, Found, is_empty
+from occ_constraints_pkg.learning.conditional.corners import CornerSearch
+from occ_constraints_pkg.learning.conditional.expectation import Expectation
+from occ_constraints_pkg.learning.conditional.gaps import close_on, find_gaps
+from occ_constraints_pkg.learning.conditional.margins import outward_margins
+from occ_constraints_pkg.learning.conditional.placing import place
+from occ_constraints_pkg.learning.conditional.rules import ConditionalRule, Feature, LearnedRules
+from occ_constraints_pkg.learning.conditional.sample import MOST_ROWS, Rows, Sample
+from occ_constraints_pkg.learning.conditional.settings import ConditionalSettings
+from occ_constraints_pkg.learning.conditional.tails import flat_tail
+from occ_constraints_pkg.learning.conditional.triples import find_triples
+from occ_constraints_pkg.learning.conditional.units import (
+    BELOW,
+    Unit,
+    families_of,
+    make_units,
+    pairs_of,
+)
+
+Box = Callable[[np.ndarray, np.ndarray, Sequence[Sequence[int]], np.ndarray], np.ndarray]
+
+
+def learn_conditional(
+    values: np.ndarray,
+    episodes: np.ndarray,
+    features: Sequence[Feature],
+    settings: ConditionalSettings | None = None,
+    *,
+    bounds: np.ndarray,
+    recordings: np.ndarray | None = None,
+) -> LearnedRules:
+    """Learn the safe set of demonstrations.
+
+    Args:
+        values: (n, k) finite samples within their physical bounds, those of an episode in the
+            order of time.
+        episodes: (n,) the episode of each.
+        features: k descriptions.
+        settings: ``None`` for the defaults.
+        bounds: (k, 2) the box that a learner of boxes found: smallest and largest safe value of
+            each feature. Bounds at the demonstrated minimum and maximum move outward; the others
+            stay.
+        recordings: (n,) the recording of each sample, where several episodes share one: what
+            happens in one recording proves things only once. ``None``: episodes are independent.
+
+    Raises:
+        OccError: shapes do not fit, a value is not finite, or a name is unknown.
+    """
+    settings = settings if settings is not None else ConditionalSettings()
+    values, episodes = _checked(values, episodes, features, recordings)
+    families = families_of(features)
+    demonstrated = demonstrated_ranges(values, list(families.values()))
+    box = np.array(bounds, dtype=np.float64)
+    units = make_units(values, features)
+    inside = ~((values < box[:, 0]) | (values > box[:, 1])).any(axis=1)
+    clusters = episodes if recordings is None else np.asarray(recordings)
+    order = _by_episode(episodes, inside)
+    table = _Table(values, units, order)
+    if settings.outside is not None:
+        discrete = [unit.columns[0] for unit in units if unit.is_discrete]
+        margins = outward_margins(
+            values, episodes, list(families.values()), settings.outside, discrete
+        )
+        lows = np.array([feature.low for feature in features])
+        highs = np.array([feature.high for feature in features])
+        at_low, at_high = box[:, 0] == demonstrated[:, 0], box[:, 1] == demonstrated[:, 1]
+        box[at_low, 0] = np.maximum(box[:, 0] - margins[:, 0], lows)[at_low]
+        box[at_high, 1] = np.minimum(box[:, 1] + margins[:, 1], highs)[at_high]
+    _cut_tails(box, table, episodes[order])
+    rules = ()
+    if settings.conditions != 'none' and len(units) > 0 and len(order):
+        order = order[~((values[order] < box[:, 0]) | (values[order] > box[:, 1])).any(axis=1)]
+        table = _Table(values, units, order)
+        rules = _conditional_rules(table, clusters[order], features, settings)
+    return LearnedRules(box, demonstrated, rules)
+
+
+def demonstrated_ranges(values: np.ndarray, families: Sequence[Sequence[int]]) -> np.ndarray:
+    """Return the (k, 2) smallest and largest values; members of a family share them."""
+    ranges = np.stack([values.min(axis=0), values.max(axis=0)], axis=1)
+    for family in map(list, families):
+        ranges[family] = ranges[family, 0].min(), ranges[family, 1].max()
+    return ranges
+
+
+class _Table:
+    """All rows in the order of time; a unit's values are copied when they are first needed."""
+
+    def __init__(self, values: np.ndarray, units: Sequence[Unit], order: np.ndarray) -> None:
+        self.units = units
+        self._values = values
+        self._order = order
+        self._columns: dict[int, np.ndarray] = {}
+
+    def __len__(self) -> int:
+        return len(self._order)
+
+    def column(self, unit: int) -> np.ndarray:
+        if unit not in self._columns:
+            self._columns[unit] = self.units[unit].of(self._values)[self._order]
+        return self._columns[unit]
+
+    def rows(self, needed: set[int]) -> Rows:
+        empty = np.empty(0)
+        columns = [
+            self.column(unit) if unit in needed else empty for unit in range(len(self.units))
+        ]
+        return Rows(self.units, columns, len(self))
+
+    def sample(self, clusters: np.ndarray) -> Sample:
+        step = max(1, -(-len(self) // MOST_ROWS))
+        chosen = self._values[self._order[::step]]
+        columns = [unit.of(chosen) for unit in self.units]
+        return Sample(self.units, columns, clusters[::step])
+
+
+def _checked(
+    values: np.ndarray,
+    episodes: np.ndarray,
+    features: Sequence[Feature],
+    recordings: np.ndarray | None,
+) -> tuple[np.ndarray, np.ndarray]:
+    rows = np.asarray(values, dtype=np.float64)
+    if rows.ndim != 2 or rows.shape[1] != len(features) or not rows.size:
+        raise OccError(
+            f'samples have shape {rows.shape}; allowed is (n, {len(features)}), n of 1 or more'
+        )
+    for name, labels in (('episodes', episodes), ('recordings', recordings)):
+        if labels is not None and np.shape(labels) != (len(rows),):
+            raise OccError(f'{name} have shape {np.shape(labels)}; allowed is ({len(rows)},)')
+    with np.errstate(over='ignore', invalid='ignore'):
+        glance = rows.sum()
+    if not np.isfinite(glance) and not np.isfinite(rows).all():
+        row, column = np.argwhere(~np.isfinite(rows))[0]
+        raise OccError(
+            f'sample {row} of {features[column].name!r} is {rows[row, column]}; allowed is a '
+            'finite number'
+        )
+    return rows, np.asarray(episodes)
+
+
+def _by_episode(episodes: np.ndarray, inside: np.ndarray) -> np.ndarray:
+    """Return the positions of the rows inside, episode after episode."""
+    rows = np.flatnonzero(inside)
+    labels = episodes[rows]
+    # Whole episodes one after the other are in order already, whatever they are called.
+    changes = np.flatnonzero(labels[1:] != labels[:-1])
+    if len(np.unique(labels)) == len(changes) + 1 or not len(rows):
+        return rows
+    return rows[np.argsort(labels, kind='stable')]
+
+
+def _cut_tails(box: np.ndarray, table: _Table, episodes: np.ndarray) -> None:
+    """Move bounds inward where a tail is made of bad samples; changes ``box``."""
+    if not len(table):
+        return
+    for number, unit in enumerate(table.units):
+        for test in flat_tail(number, unit, table.column(number), episodes):
+            columns, end = list(unit.columns), 0 if test.side == BELOW else 1
+            tighter = np.maximum if end == 0 else np.minimum
+            box[columns, end] = tighter(box[columns, end], test.bound)
+
+
+def _conditional_rules(
+    table: _Table,
+    clusters: np.ndarray,
+    features: Sequence[Feature],
+    settings: ConditionalSettings,
+) -> tuple[ConditionalRule, ...]:
+    sample = table.sample(clusters)
+    units = table.units
+    pairs = pairs_of(units, features, settings.apart)
+    expectation = Expectation(sample)
+    found = find_gaps(sample, delta=settings.delta)[: settings.most_rules]
+    search = CornerSearch(
+        sample,
+        expectation,
+        pairs,
+        found,
+        delta=settings.delta,
+        most_rules=settings.most_rules,
+    )
+    found = search.run()
+    if settings.conditions == 'triples':
+        found = find_triples(
+            sample,
+            expectation,
+            pairs,
+            found,
+            looks_at_pairs=search.looks,
+            delta=settings.delta,
+            most_rules=settings.most_rules,
+        )
+    settled = _settled(table, sample, found)
+    return tuple(
+        ConditionalRule(
+            tuple(
+                literal
+                for test in rule.tests
+                for literal in units[test.unit].literals(test.side, test.bound)
+            ),
+            rule.expected,
+            rule.seen,
+            rule.evidence,
+        )
+        for rule in settled
+    )
+
+
+def _settled(table: _Table, sample: Sample, found: Sequence[Found]) -> list[Found]:
+    """Return the rules with their bounds placed on all rows; those go that do not hold there."""
+    settled: list[Found] = []
+    for rule in found:
+        rows = table.rows({test.unit for test in rule.tests})
+        if rule.is_gap:
+            closed = close_on(rule, rows)
+            if closed is not None:
+                settled.append(closed)
+            continue
+        tests = rule.tests
+        if len(rows) > len(sample):
+            tests = place(sample, rows, tests, rule.evidence, rule.strip)
+        seen = float(rows.inside(tests).mean())
+        candidate = Found(tests, rule.expected, seen, rule.evidence, rule.strip)
+        total = seen + sum(one.seen for one in settled)
+        if total <= MOST_OUTSIDE and is_empty(sample, rows, candidate):
+            settled.append(candidate)
+    return settled

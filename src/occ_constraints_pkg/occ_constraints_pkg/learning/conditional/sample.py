@@ -1,0 +1,109 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""The rows that are searched, and what one may ask about them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from functools import cached_property
+
+import numpy as np
+
+from occ_constraints_pkg.learning.conditional.units import BELOW, EQUAL, Test, Unit
+
+MOST_ROWS = 40_000
+"""Rows that are searched at most."""
+
+
+class Rows:
+    """Values of all units on some rows."""
+
+    def __init__(
+        self, units: Sequence[Unit], columns: Sequence[np.ndarray], count: int | None = None
+    ) -> None:
+        """Keep them.
+
+        Args:
+            units: what the rows have values of.
+            columns: for each unit (n,) values; of units that nobody asks about, anything.
+            count: n; by default the length of the first unit's values.
+        """
+        self.units = units
+        self.columns = columns
+        self._count = len(columns[0]) if count is None else count
+
+    def __len__(self) -> int:
+        return self._count
+
+    def take(self, chosen: np.ndarray) -> Rows:
+        """Return some of the rows: (n,) bool."""
+        return Rows(self.units, [column[chosen] for column in self.columns])
+
+    def is_true(self, test: Test) -> np.ndarray:
+        """Tell for each row whether one literal is true: (n,) bool."""
+        return self.units[test.unit].is_true(self.columns[test.unit], test.side, test.bound)
+
+    def inside(self, tests: Iterable[Test]) -> np.ndarray:
+        """Tell for each row whether all of some literals are true: (n,) bool."""
+        found = np.ones(len(self), dtype=bool)
+        for test in tests:
+            found &= self.is_true(test)
+        return found
+
+
+class Sample(Rows):
+    """Evenly chosen rows of whole recordings, in the order of time.
+
+    Attributes:
+        clusters: (n,) int, what evidence counts: the episode, or the recording, of each row.
+        cluster_count: how many of these there are.
+        cluster_shares: (clusters,) share of the rows of each.
+        ordered: for each unit its values, ascending.
+        ranges: for each unit its least and largest value.
+    """
+
+    def __init__(
+        self, units: Sequence[Unit], columns: Sequence[np.ndarray], clusters: np.ndarray
+    ) -> None:
+        """Sort them and count.
+
+        Args:
+            units: what the rows have values of.
+            columns: for each unit (n,) values.
+            clusters: (n,) what evidence counts.
+        """
+        super().__init__(units, columns)
+        self.clusters = np.unique(clusters, return_inverse=True)[1]
+        self.cluster_count = int(self.clusters.max()) + 1
+        self.cluster_shares = np.bincount(self.clusters) / len(self)
+        self.ordered = [np.sort(column) for column in columns]
+        self.ranges = [(float(column[0]), float(column[-1])) for column in self.ordered]
+
+    @cached_property
+    def ranks(self) -> list[np.ndarray]:
+        """For each unit the rank of each row, within 0 to 1: (n,)."""
+        out = []
+        for column in self.columns:
+            rank = np.empty(len(self))
+            rank[np.argsort(column, kind='stable')] = (np.arange(len(self)) + 0.5) / len(self)
+            out.append(rank)
+        return out
+
+    def volume(self, test: Test) -> float:
+        """Return the share of its unit's range that a literal takes; of samples, if discrete."""
+        if self.units[test.unit].is_discrete:
+            return float(self.is_true(test).mean())
+        low, high = self.ranges[test.unit]
+        depth = test.bound - low if test.side == BELOW else high - test.bound
+        return max(0.0, depth) / (high - low)
+
+    def volume_of(self, tests: Iterable[Test]) -> float:
+        """Return the share of the units' ranges that a corner takes."""
+        return float(np.prod([self.volume(test) for test in tests]))
+
+    def half_as_deep(self, test: Test) -> Test:
+        """Return the literal that reaches half as deep; of discrete values the same."""
+        if test.side == EQUAL or self.units[test.unit].is_discrete:
+            return test
+        end = self.ranges[test.unit][0 if test.side == BELOW else 1]
+        return test._replace(bound=(end + test.bound) / 2)

@@ -96,17 +96,17 @@ class Acceptance:
             seen_by_others: share of the rows that the rules so far see.
             proven: whether a rule of the same way is already shown to be more than correlation.
         """
-        evidence = self._expectation.corner(tests).evidence
-        if evidence < needed / 2:
+        visits = self._expectation.corner(tests).evidence
+        if visits < needed / 2:
             return None
-        strip = self._steady(tests, evidence)
+        strip = self._steady(tests, visits)
         if strip is None:
             return None
-        placed = place(self._sample, self._sample, tests, evidence, strip)
+        placed = place(self._sample, self._sample, tests, visits, strip)
         seen = self._sample.inside(placed)
-        share, evidence = self._expectation.corner(placed, seen)
-        if len(placed) == 2 and not proven:
-            evidence *= self._correlation.share_at(*placed)
+        share = self._expectation.share(placed)
+        # That the corner is empty is proven by all of it, also by the strip that the rule leaves.
+        evidence = max(self._evidence(corner, proven) for corner in (tests, placed))
         found = Found(placed, share, float(seen.mean()), evidence, strip)
         sound = (
             share >= least
@@ -115,6 +115,13 @@ class Acceptance:
             and is_empty(self._sample, self._sample, found)
         )
         return found if sound else None
+
+    def _evidence(self, tests: Sequence[Test], proven: bool) -> float:
+        """Return the evidence of a corner, as far as correlation does not explain it."""
+        evidence = self._expectation.corner(tests).evidence
+        if len(tests) == 2 and not proven:
+            evidence *= self._correlation.share_at(*tests)
+        return evidence
 
     def _steady(self, tests: Sequence[Test], evidence: float) -> float | None:
         """Return the first strip at which bounds placed without some episodes hardly flag these.

@@ -12,10 +12,10 @@ from occ_constraints_pkg.learning.conditional.acceptance import Acceptance, Foun
 from occ_constraints_pkg.learning.conditional.correlation import CorrelationNull
 from occ_constraints_pkg.learning.conditional.evidence import needed_evidence
 from occ_constraints_pkg.learning.conditional.expectation import Expectation
-from occ_constraints_pkg.learning.conditional.grid import Grid, make_grid
+from occ_constraints_pkg.learning.conditional.grid import make_grid
 from occ_constraints_pkg.learning.conditional.price import worth
 from occ_constraints_pkg.learning.conditional.sample import Sample
-from occ_constraints_pkg.learning.conditional.units import BELOW, EQUAL, Test
+from occ_constraints_pkg.learning.conditional.units import EQUAL, Test
 
 LOOKS = 16.0
 """Corners of one pair and orientation that are as good as independent."""
@@ -194,7 +194,7 @@ class CornerSearch:
         return gain
 
     def _left_of(self, pair: tuple[int, int]) -> np.ndarray:
-        """Return what correlation leaves; once a way has a rule, its steps need not show it again."""
+        """Return what correlation leaves; the steps after a first rule need not show it again."""
         left = self._left[pair]
         i, j = pair
         for way in self._firsts:

@@ -11,7 +11,7 @@ correlation has there, and the mass observed in the mirrored corner.
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import ndtr, ndtri
+from scipy.special import ndtri
 
 from occ_constraints_pkg.learning.conditional.grid import Grid
 from occ_constraints_pkg.learning.conditional.sample import Sample

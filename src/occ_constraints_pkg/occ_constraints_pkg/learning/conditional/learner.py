@@ -66,7 +66,7 @@ def learn_conditional(
     inside = ~((values < box[:, 0]) | (values > box[:, 1])).any(axis=1)
     clusters = episodes if recordings is None else np.asarray(recordings)
     order = _by_episode(episodes, inside)
-    table = _Table(values, units, order)
+    table = _Table(values, units, order, episodes)
     if settings.outside is not None:
         discrete = [unit.columns[0] for unit in units if unit.is_discrete]
         margins = outward_margins(
@@ -81,7 +81,7 @@ def learn_conditional(
     rules = ()
     if settings.conditions != 'none' and len(units) > 0 and len(order):
         order = order[~((values[order] < box[:, 0]) | (values[order] > box[:, 1])).any(axis=1)]
-        table = _Table(values, units, order)
+        table = _Table(values, units, order, episodes)
         rules = _conditional_rules(table, clusters[order], features, settings)
     return LearnedRules(box, demonstrated, rules)
 
@@ -97,10 +97,18 @@ def demonstrated_ranges(values: np.ndarray, families: Sequence[Sequence[int]]) -
 class _Table:
     """All rows in the order of time; a unit's values are copied when they are first needed."""
 
-    def __init__(self, values: np.ndarray, units: Sequence[Unit], order: np.ndarray) -> None:
+    def __init__(
+        self,
+        values: np.ndarray,
+        units: Sequence[Unit],
+        order: np.ndarray,
+        episodes: np.ndarray,
+    ) -> None:
         self.units = units
         self._values = values
         self._order = order
+        labels = episodes[order]
+        self._goes_on = np.append(labels[1:] == labels[:-1], False)[: len(order)]
         self._columns: dict[int, np.ndarray] = {}
 
     def __len__(self) -> int:
@@ -116,13 +124,18 @@ class _Table:
         columns = [
             self.column(unit) if unit in needed else empty for unit in range(len(self.units))
         ]
-        return Rows(self.units, columns, len(self))
+        following = [column[1:] for column in columns]
+        return Rows(self.units, columns, following, self._goes_on)
 
     def sample(self, clusters: np.ndarray) -> Sample:
         step = max(1, -(-len(self) // MOST_ROWS))
-        chosen = self._values[self._order[::step]]
-        columns = [unit.of(chosen) for unit in self.units]
-        return Sample(self.units, columns, clusters[::step])
+        chosen = np.arange(0, len(self), step)
+        later = np.minimum(chosen + 1, len(self) - 1)
+        columns, following = (
+            [unit.of(self._values[self._order[rows]]) for unit in self.units]
+            for rows in (chosen, later)
+        )
+        return Sample(self.units, columns, following, self._goes_on[chosen], clusters[chosen])
 
 
 def _checked(

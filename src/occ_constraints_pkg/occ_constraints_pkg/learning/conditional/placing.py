@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from occ_constraints_pkg.learning.conditional.grid import WIDEST
-from occ_constraints_pkg.learning.conditional.price import PRICE, worth
+from occ_constraints_pkg.learning.conditional.price import MOST_BAD, is_isolated, worth
 from occ_constraints_pkg.learning.conditional.sample import Rows, Sample
 from occ_constraints_pkg.learning.conditional.units import BELOW, EQUAL, Test
 
@@ -51,9 +51,16 @@ def place(
 
 
 def bad_density(sample: Sample, rows: Rows, tests: Sequence[Test]) -> float:
-    """Return the share of the rows, per volume, that lie half as deep in a corner."""
+    """Return the share of the rows, per volume, that lie half as deep in a corner.
+
+    None of them is bad, so the density 0, unless they are isolated in time.
+    """
     inner = [sample.half_as_deep(test) for test in tests]
-    return float(rows.inside(inner).mean()) / max(sample.volume_of(inner), 1e-12)
+    inside = rows.inside(inner)
+    count = int(inside.sum())
+    if not is_isolated(count, count - rows.stays(inner, inside)):
+        return 0.0
+    return count / len(rows) / max(sample.volume_of(inner), 1e-12)
 
 
 def _is_movable(sample: Sample, test: Test) -> bool:
@@ -68,7 +75,7 @@ def _best(sample: Sample, rows: Rows, test: Test, others: Sequence[Test], bad: f
     values = sign * rows.columns[test.unit][inside]
     if not len(values):
         return test
-    room = int(PRICE * len(rows)) + 2
+    room = int(MOST_BAD * len(rows)) + 2
     if len(values) > room:
         values.partition(room - 1)
         values = values[:room]

@@ -6,12 +6,16 @@ from __future__ import annotations
 
 import numpy as np
 
-PRICE = 0.05
-"""Most that is seen in a corner, as a share of what is expected; it is also the project's share of
-bad samples."""
+PRICE = 0.02
+"""Most that is seen in a corner, as a share of what is expected."""
+
+MOST_BAD = 0.05
+"""Largest share of bad samples, spread evenly over the ranges of a corner's units."""
 
 # Seen at most this share of the expected, bad samples included.
 _DEPLETED = 0.34
+# Rows for each visit of bad samples at most.
+_LONGEST = 1.3
 
 
 def worth(
@@ -31,11 +35,21 @@ def worth(
         volume: share of the units' ranges.
         bad: share of the rows per volume.
     """
-    allowed = PRICE * expected + np.minimum(2 * bad, PRICE) * volume
+    allowed = PRICE * expected + np.minimum(2 * bad, MOST_BAD) * volume
     gain = expected * (1 - seen / np.maximum(allowed, 1e-12))
     return np.where(seen <= _DEPLETED * expected, gain, -1.0)
 
 
 def allowed_bad(volume: float, bad: float) -> float:
     """Return the share of the rows that bad samples may take of a corner."""
-    return min(2 * bad, PRICE) * volume
+    return min(2 * bad, MOST_BAD) * volume
+
+
+def is_isolated(rows: int, visits: int) -> bool:
+    """Tell whether rows are isolated in time, as bad samples are; good ones stay for a while.
+
+    Args:
+        rows: in some region.
+        visits: runs of consecutive rows that they are.
+    """
+    return rows <= _LONGEST * visits

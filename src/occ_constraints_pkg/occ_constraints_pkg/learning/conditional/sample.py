@@ -19,25 +19,50 @@ class Rows:
     """Values of all units on some rows."""
 
     def __init__(
-        self, units: Sequence[Unit], columns: Sequence[np.ndarray], count: int | None = None
+        self,
+        units: Sequence[Unit],
+        columns: Sequence[np.ndarray],
+        following: Sequence[np.ndarray],
+        goes_on: np.ndarray,
     ) -> None:
         """Keep them.
 
         Args:
             units: what the rows have values of.
             columns: for each unit (n,) values; of units that nobody asks about, anything.
-            count: n; by default the length of the first unit's values.
+            following: for each unit (n,) values a sample later.
+            goes_on: (n,) bool, whether there is a sample later.
         """
         self.units = units
         self.columns = columns
-        self._count = len(columns[0]) if count is None else count
+        self._following = following
+        self._goes_on = goes_on
 
     def __len__(self) -> int:
-        return self._count
+        return len(self._goes_on)
 
     def take(self, chosen: np.ndarray) -> Rows:
         """Return some of the rows: (n,) bool."""
-        return Rows(self.units, [column[chosen] for column in self.columns])
+        return Rows(
+            self.units,
+            [column[chosen] for column in self.columns],
+            [column[chosen] for column in self._following],
+            self._goes_on[chosen],
+        )
+
+    def stays(self, tests: Iterable[Test], inside: np.ndarray) -> int:
+        """Return in how many of the rows in a corner the next sample is in it, too.
+
+        Args:
+            tests: the corner's literals.
+            inside: (n,) bool, the rows in it.
+        """
+        rows = np.flatnonzero(inside & self._goes_on)
+        still = np.ones(len(rows), dtype=bool)
+        for test in tests:
+            values = self._following[test.unit][rows]
+            still &= self.units[test.unit].is_true(values, test.side, test.bound)
+        return int(still.sum())
 
     def is_true(self, test: Test) -> np.ndarray:
         """Tell for each row whether one literal is true: (n,) bool."""
@@ -63,16 +88,23 @@ class Sample(Rows):
     """
 
     def __init__(
-        self, units: Sequence[Unit], columns: Sequence[np.ndarray], clusters: np.ndarray
+        self,
+        units: Sequence[Unit],
+        columns: Sequence[np.ndarray],
+        following: Sequence[np.ndarray],
+        goes_on: np.ndarray,
+        clusters: np.ndarray,
     ) -> None:
         """Sort them and count.
 
         Args:
             units: what the rows have values of.
             columns: for each unit (n,) values.
+            following: for each unit (n,) values a sample later.
+            goes_on: (n,) bool, whether there is a sample later.
             clusters: (n,) what evidence counts.
         """
-        super().__init__(units, columns)
+        super().__init__(units, columns, following, goes_on)
         self.clusters = np.unique(clusters, return_inverse=True)[1]
         self.cluster_count = int(self.clusters.max()) + 1
         self.cluster_shares = np.bincount(self.clusters) / len(self)

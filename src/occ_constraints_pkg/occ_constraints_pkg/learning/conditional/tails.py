@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from occ_constraints_pkg.learning.conditional.price import PRICE
+from occ_constraints_pkg.learning.conditional.price import MOST_BAD, is_isolated
 from occ_constraints_pkg.learning.conditional.units import ABOVE, BELOW, Test, Unit
 
 _CELLS = 128
@@ -21,9 +21,7 @@ _FEWEST = 8
 # denser, and all of it holds at most so many times what is spread evenly.
 _FLAT, _JUMP, _EXCESS = 0.6, 4.0, 1.25
 # Evenly over the whole range there would be at most this share of the rows.
-_DENSEST = 1.2 * PRICE
-# Rows for each visit.
-_LONGEST = 1.3
+_DENSEST = 1.2 * MOST_BAD
 
 
 def flat_tail(unit: int, described: Unit, column: np.ndarray, episodes: np.ndarray) -> list[Test]:
@@ -60,7 +58,7 @@ def _flat_start(column: np.ndarray, episodes: np.ndarray) -> float | None:
         & (density >= _FLAT * below[cut] / volume)
         & (density <= _DENSEST)
         & (inside >= _JUMP * density)
-        & (below[cut] <= _EXCESS * np.minimum(density, PRICE) * volume)
+        & (below[cut] <= _EXCESS * np.minimum(density, MOST_BAD) * volume)
     )
     if not is_flat.any():
         return None
@@ -68,4 +66,4 @@ def _flat_start(column: np.ndarray, episodes: np.ndarray) -> float | None:
     rows = column < bound
     goes_on = rows[1:] & rows[:-1] & (episodes[1:] == episodes[:-1])
     visits = int(rows.sum()) - int(goes_on.sum())
-    return bound if rows.sum() <= _LONGEST * visits else None
+    return bound if is_isolated(int(rows.sum()), visits) else None

@@ -24,6 +24,8 @@ MOST_UNITS = 30
 
 _CELLS = 8
 _LEAST = 0.01
+# Cells are wide, so that the best corner on them may be worth less than the rule will be.
+_LEAST_ON_GRID = 0.005
 _MOST_CANDIDATES = 40
 
 
@@ -71,7 +73,7 @@ def find_triples(
     for three in triples:
         gain = _gain(grids, three, joint, len(sample))
         best = int(gain.argmax())
-        if gain.flat[best] > _LEAST:
+        if gain.flat[best] > _LEAST_ON_GRID:
             at = np.unravel_index(best, gain.shape)
             tests = tuple(
                 grids[unit].tests[position] for unit, position in zip(three, at, strict=True)

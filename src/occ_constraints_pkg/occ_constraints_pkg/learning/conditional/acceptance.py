@@ -12,7 +12,7 @@ import numpy as np
 from occ_constraints_pkg.learning.conditional.correlation import CorrelationNull
 from occ_constraints_pkg.learning.conditional.expectation import Expectation
 from occ_constraints_pkg.learning.conditional.placing import bad_density, place
-from occ_constraints_pkg.learning.conditional.price import allowed_bad, worth
+from occ_constraints_pkg.learning.conditional.price import Seen, allowed_bad, worth
 from occ_constraints_pkg.learning.conditional.sample import Rows, Sample
 from occ_constraints_pkg.learning.conditional.units import EQUAL, Test
 
@@ -36,7 +36,7 @@ class Found:
     Attributes:
         tests: its literals.
         expected: share of the time.
-        seen: share of the rows.
+        seen: share of the rows that are in no earlier rule.
         evidence: that it is no chance.
         strip: independent visits between its bounds and the data.
     """
@@ -102,12 +102,12 @@ class Acceptance:
         strip = self._steady(tests, visits)
         if strip is None:
             return None
-        placed = place(self._sample, self._sample, tests, visits, strip)
-        seen = self._sample.inside(placed)
+        placed = place(self._sample, self._sample, self._expectation.free, tests, visits, strip)
         share = self._expectation.share(placed)
         # That the corner is empty is proven by all of it, also by the strip that the rule leaves.
         evidence = max(self._evidence(corner, proven) for corner in (tests, placed))
-        found = Found(placed, share, float(seen.mean()), evidence, strip)
+        new = float((self._sample.inside(placed) & self._expectation.free).mean())
+        found = Found(placed, share, new, evidence, strip)
         sound = (
             share >= least
             and evidence >= needed
@@ -132,18 +132,29 @@ class Acceptance:
         if sample.cluster_count < _FOLDS:
             return _STRIPS[0]
         folds = [
-            (sample.take(self._fold != fold), sample.take(self._fold == fold))
+            (fold, sample.take(self._fold != fold), sample.take(self._fold == fold))
             for fold in range(_FOLDS)
         ]
         bad = allowed_bad(sample.volume_of(tests), bad_density(sample, sample, tests))
         for strip in _STRIPS:
-            flagged = sum(
-                int(left_out.inside(place(sample, others, tests, evidence, strip)).sum())
-                for others, left_out in folds
-            )
+            flagged = sum(self._flagged_left_out(tests, evidence, strip, *fold) for fold in folds)
             if flagged / len(sample) <= _MOST_LEFT_OUT + bad:
                 return strip
         return None
+
+    def _flagged_left_out(
+        self,
+        tests: Sequence[Test],
+        evidence: float,
+        strip: float,
+        fold: int,
+        others: Rows,
+        left_out: Rows,
+    ) -> int:
+        """Return how many rows of a fold bounds flag that are placed on the other ones."""
+        free = self._expectation.free
+        placed = place(self._sample, others, free[self._fold != fold], tests, evidence, strip)
+        return int((left_out.inside(placed) & free[self._fold == fold]).sum())
 
 
 def is_empty(sample: Sample, rows: Rows, found: Found) -> bool:
@@ -151,12 +162,12 @@ def is_empty(sample: Sample, rows: Rows, found: Found) -> bool:
 
     Args:
         sample: the searched rows, which say how values are distributed.
-        rows: what ``found.seen`` is a share of.
+        rows: what ``found.seen`` is a share of, earlier rules left out.
         found: the rule.
     """
     gain = worth(
         found.expected,
-        found.seen,
+        Seen(float(rows.inside(found.tests).mean()), found.seen),
         sample.volume_of(found.tests),
         bad_density(sample, rows, found.tests),
     )

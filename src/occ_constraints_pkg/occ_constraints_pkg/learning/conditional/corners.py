@@ -13,7 +13,7 @@ from occ_constraints_pkg.learning.conditional.correlation import CorrelationNull
 from occ_constraints_pkg.learning.conditional.evidence import needed_evidence
 from occ_constraints_pkg.learning.conditional.expectation import Expectation
 from occ_constraints_pkg.learning.conditional.grid import make_grid
-from occ_constraints_pkg.learning.conditional.price import worth
+from occ_constraints_pkg.learning.conditional.price import bad_share, worth
 from occ_constraints_pkg.learning.conditional.sample import Sample
 from occ_constraints_pkg.learning.conditional.units import EQUAL, Test
 
@@ -186,7 +186,8 @@ class CornerSearch:
             expected *= self._left_of(pair)
         volume = np.outer(one.volume, other.volume)
         has_core = np.outer(one.core >= 0, other.core >= 0)
-        density = seen / np.maximum(volume, 1e-12)
+        rows = len(self._sample)
+        density = bad_share(seen.share * rows, rows, volume)
         bad = np.where(has_core, density[np.ix_(one.core, other.core)], 0.0)
         gain = worth(expected, seen, volume, bad)
         if pair in self._barred:

@@ -18,6 +18,7 @@ import numpy as np
 
 from occ_constraints_pkg.learning.conditional.evidence import cluster_evidence, visit_evidence
 from occ_constraints_pkg.learning.conditional.grid import Grid
+from occ_constraints_pkg.learning.conditional.price import Seen
 from occ_constraints_pkg.learning.conditional.sample import Sample
 from occ_constraints_pkg.learning.conditional.units import Test
 
@@ -105,7 +106,7 @@ class Expectation:
             for unit in {test.unit for test in tests}
         )
 
-    def corners(self, i: int, one: Grid, j: int, other: Grid) -> tuple[np.ndarray, np.ndarray]:
+    def corners(self, i: int, one: Grid, j: int, other: Grid) -> tuple[Seen, np.ndarray]:
         """Return what is seen and what is expected in all corners of two units.
 
         Args:
@@ -115,18 +116,21 @@ class Expectation:
             other: the other's, of b literals.
 
         Returns:
-            (a, b) share of the rows that are seen, of those no rule forbids; (a, b) share that is
-            expected.
+            What is seen, of shapes (a, b), and the share of the time that is expected: (a, b).
         """
         rows = len(self.sample)
-        seen = _table(one, one.codes, other, other.codes, self.free) / rows
+        everything = np.ones(rows, dtype=bool)
+        seen, new = (
+            _table(one, one.codes, other, other.codes, chosen) / rows
+            for chosen in (everything, self.free)
+        )
         rolled = _table(
             one, self._rolled(one.codes), other, self._tiled(other.codes), self._free_rolled[i]
         )
         other_rolled = _table(
             one, self._tiled(one.codes), other, self._rolled(other.codes), self._free_rolled[j]
         )
-        return seen, np.minimum(rolled, other_rolled) / (rows * self.copies)
+        return Seen(seen, new), np.minimum(rolled, other_rolled) / (rows * self.copies)
 
     def _counts(self, tests: Sequence[Test], rolled: int) -> np.ndarray:
         """Return (copies, clusters) rows in a corner where one unit is taken from elsewhere."""

@@ -234,6 +234,7 @@ def _conditional_rules(
 def _settled(table: _Table, sample: Sample, found: Sequence[Found]) -> list[Found]:
     """Return the rules with their bounds placed on all rows; those go that do not hold there."""
     settled: list[Found] = []
+    free = np.ones(len(table), dtype=bool)
     for rule in found:
         rows = table.rows({test.unit for test in rule.tests})
         if rule.is_gap:
@@ -243,10 +244,12 @@ def _settled(table: _Table, sample: Sample, found: Sequence[Found]) -> list[Foun
             continue
         tests = rule.tests
         if len(rows) > len(sample):
-            tests = place(sample, rows, tests, rule.evidence, rule.strip)
-        seen = float(rows.inside(tests).mean())
+            tests = place(sample, rows, free, tests, rule.evidence, rule.strip)
+        inside = rows.inside(tests)
+        seen = float((inside & free).mean())
         candidate = Found(tests, rule.expected, seen, rule.evidence, rule.strip)
         total = seen + sum(one.seen for one in settled)
         if total <= MOST_OUTSIDE and is_empty(sample, rows, candidate):
             settled.append(candidate)
+            free &= ~inside
     return settled

@@ -10,7 +10,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from occ_constraints_pkg.learning.conditional.grid import WIDEST
-from occ_constraints_pkg.learning.conditional.price import MOST_BAD, is_isolated, worth
+from occ_constraints_pkg.learning.conditional.price import (
+    MOST_BAD,
+    Seen,
+    bad_share,
+    is_isolated,
+    worth,
+)
 from occ_constraints_pkg.learning.conditional.sample import Rows, Sample
 from occ_constraints_pkg.learning.conditional.units import BELOW, EQUAL, Test
 
@@ -24,7 +30,12 @@ _MOST_DIGITS, _MOST_STEPS = 200, 1e15
 
 
 def place(
-    sample: Sample, rows: Rows, tests: Sequence[Test], evidence: float, strip: float = _STRIP
+    sample: Sample,
+    rows: Rows,
+    free: np.ndarray,
+    tests: Sequence[Test],
+    evidence: float,
+    strip: float = _STRIP,
 ) -> tuple[Test, ...]:
     """Put each bound where the corner is worth most, then back by a strip.
 
@@ -36,6 +47,7 @@ def place(
     Args:
         sample: the searched rows, which say how values are distributed.
         rows: the rows that the bounds are placed on.
+        free: (n,) bool, which of them are in no earlier rule.
         tests: the corner's literals.
         evidence: independent visits that were expected in the corner.
         strip: of them, as many lie in the strip.
@@ -46,7 +58,7 @@ def place(
         for position, test in enumerate(placed):
             if _is_movable(sample, test):
                 others = [other for other in placed if other is not test]
-                placed[position] = _best(sample, rows, test, others, bad)
+                placed[position] = _best(sample, rows, free, test, others, bad)
     return tuple(_back(sample, test, strip / max(evidence, 1e-9)) for test in placed)
 
 
@@ -60,32 +72,41 @@ def bad_density(sample: Sample, rows: Rows, tests: Sequence[Test]) -> float:
     count = int(inside.sum())
     if not is_isolated(count, count - rows.stays(inner, inside)):
         return 0.0
-    return count / len(rows) / max(sample.volume_of(inner), 1e-12)
+    return float(bad_share(count, len(rows), sample.volume_of(inner)))
 
 
 def _is_movable(sample: Sample, test: Test) -> bool:
     return test.side != EQUAL and not sample.units[test.unit].is_discrete
 
 
-def _best(sample: Sample, rows: Rows, test: Test, others: Sequence[Test], bad: float) -> Test:
+def _best(
+    sample: Sample,
+    rows: Rows,
+    free: np.ndarray,
+    test: Test,
+    others: Sequence[Test],
+    bad: float,
+) -> Test:
     """Return a literal with its bound where the corner is worth most, the others as they are."""
     inside = rows.inside(others)
     # Mirrored if need be, so that the corner lies below.
     sign = 1.0 if test.side == BELOW else -1.0
-    values = sign * rows.columns[test.unit][inside]
+    values, new = sign * rows.columns[test.unit][inside], free[inside]
     if not len(values):
         return test
     room = int(MOST_BAD * len(rows)) + 2
-    if len(values) > room:
-        values.partition(room - 1)
-        values = values[:room]
-    values.sort()
+    order = np.argpartition(values, room - 1)[:room] if len(values) > room else slice(None)
+    values, new = values[order], new[order]
+    order = np.argsort(values)
+    values, new = values[order], new[order]
+    # At a value, only what lies below it is in the corner; equal values go together.
+    first = np.searchsorted(values, values, side='left')
     ordered = sample.ordered[test.unit] if sign > 0 else -sample.ordered[test.unit][::-1]
     mass = np.searchsorted(ordered, values, side='left') / len(sample)
     depth = np.clip((values - ordered[0]) / (ordered[-1] - ordered[0]), 0.0, 1.0)
     gain = worth(
         inside.mean() * mass,
-        np.arange(len(values)) / len(rows),
+        Seen(first / len(rows), np.concatenate(([0], np.cumsum(new)))[first] / len(rows)),
         sample.volume_of(others) * depth,
         bad,
     )

@@ -15,7 +15,7 @@ from occ_constraints_pkg.learning.conditional.correlation import CorrelationNull
 from occ_constraints_pkg.learning.conditional.evidence import needed_evidence
 from occ_constraints_pkg.learning.conditional.expectation import Expectation
 from occ_constraints_pkg.learning.conditional.grid import Grid, make_grid
-from occ_constraints_pkg.learning.conditional.price import worth
+from occ_constraints_pkg.learning.conditional.price import Seen, bad_share, worth
 from occ_constraints_pkg.learning.conditional.sample import Sample
 from occ_constraints_pkg.learning.conditional.units import Test
 
@@ -135,6 +135,6 @@ def _gain(
     has_core = (
         (a.core >= 0)[:, None, None] & (b.core >= 0)[None, :, None] & (c.core >= 0)[None, None]
     )
-    density = seen / np.maximum(volume, 1e-12)
+    density = bad_share(seen * rows, rows, volume)
     bad = np.where(has_core, density[np.ix_(a.core, b.core, c.core)], 0.0)
-    return worth(expected, seen, volume, bad)
+    return worth(expected, Seen(seen, seen), volume, bad)

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,12 +28,28 @@ _LEAST = 0.002
 # time or in volume.
 _MOST_STEPS = 4
 _LEAST_STEP = 0.06
+# Where the first costs demonstrations, each has to bring more.
+_LEAST_SPOILED_STEP = 0.2
 # After so many refusals a way is given up.
 _MOST_REFUSED = 8
 _BACKFITS = 2
 # A step moves for at least this factor in what is expected in it.
 _BETTER = 1.02
 _VOLUME_POINTS = 4000
+
+
+class _First(NamedTuple):
+    """What the first rule of a way brought.
+
+    Attributes:
+        expected: share of the time.
+        seen: share of the rows.
+        volume: share of the units' ranges.
+    """
+
+    expected: float
+    seen: float
+    volume: float
 
 
 class CornerSearch:
@@ -78,8 +95,8 @@ class CornerSearch:
         self._left: dict[tuple[int, int], np.ndarray] = {}
         self._barred: dict[tuple[int, int], np.ndarray] = {}
         self._gains: dict[tuple[int, int], np.ndarray] = {}
-        # By way: what the first rule brought, in time and in volume; and refusals.
-        self._firsts: dict[Way, tuple[float, float]] = {}
+        # By way: what the first rule brought, and how many were refused.
+        self._firsts: dict[Way, _First] = {}
         self._refusals: dict[Way, int] = {}
 
     def run(self) -> list[Found]:
@@ -92,7 +109,8 @@ class CornerSearch:
             rule = self._next()
             if rule is None:
                 break
-            self._firsts.setdefault(rule.way, (rule.expected, self._new_volume(rule.tests)))
+            first = _First(rule.expected, rule.seen, self._new_volume(rule.tests))
+            self._firsts.setdefault(rule.way, first)
             self.found.append(rule)
             self._forbid()
             units = {test.unit for test in rule.tests}
@@ -155,10 +173,11 @@ class CornerSearch:
     def _is_worth_a_line(self, rule: Found) -> bool:
         if rule.way not in self._firsts:
             return True
-        share, volume = self._firsts[rule.way]
+        first = self._firsts[rule.way]
+        least = _LEAST_STEP if first.seen == 0 else _LEAST_SPOILED_STEP
         return (
-            rule.expected >= _LEAST_STEP * share
-            or self._new_volume(rule.tests) >= _LEAST_STEP * volume
+            rule.expected >= least * first.expected
+            or self._new_volume(rule.tests) >= least * first.volume
         )
 
     def _bar(self, pair: tuple[int, int], at: Sequence[int], *, entirely: bool) -> None:

@@ -18,7 +18,7 @@ from occ_constraints_pkg.learning.conditional.placing import place
 from occ_constraints_pkg.learning.conditional.rules import ConditionalRule, Feature, LearnedRules
 from occ_constraints_pkg.learning.conditional.sample import MOST_ROWS, Rows, Sample
 from occ_constraints_pkg.learning.conditional.settings import ConditionalSettings
-from occ_constraints_pkg.learning.conditional.tails import flat_tail
+from occ_constraints_pkg.learning.conditional.tails import flat_tails
 from occ_constraints_pkg.learning.conditional.triples import find_triples
 from occ_constraints_pkg.learning.conditional.units import (
     BELOW,
@@ -77,7 +77,7 @@ def learn_conditional(
         at_low, at_high = box[:, 0] == demonstrated[:, 0], box[:, 1] == demonstrated[:, 1]
         box[at_low, 0] = np.maximum(box[:, 0] - margins[:, 0], lows)[at_low]
         box[at_high, 1] = np.minimum(box[:, 1] + margins[:, 1], highs)[at_high]
-    _cut_tails(box, table, episodes[order])
+    _cut_tails(box, table)
     rules = ()
     if settings.conditions != 'none' and len(units) > 0 and len(order):
         order = order[~((values[order] < box[:, 0]) | (values[order] > box[:, 1])).any(axis=1)]
@@ -108,7 +108,7 @@ class _Table:
         self._values = values
         self._order = order
         labels = episodes[order]
-        self._goes_on = np.append(labels[1:] == labels[:-1], False)[: len(order)]
+        self.goes_on = np.append(labels[1:] == labels[:-1], False)[: len(order)]
         self._columns: dict[int, np.ndarray] = {}
 
     def __len__(self) -> int:
@@ -125,7 +125,7 @@ class _Table:
             self.column(unit) if unit in needed else empty for unit in range(len(self.units))
         ]
         following = [column[1:] for column in columns]
-        return Rows(self.units, columns, following, self._goes_on)
+        return Rows(self.units, columns, following, self.goes_on)
 
     def sample(self, clusters: np.ndarray) -> Sample:
         step = max(1, -(-len(self) // MOST_ROWS))
@@ -135,7 +135,7 @@ class _Table:
             [unit.of(self._values[self._order[rows]]) for unit in self.units]
             for rows in (chosen, later)
         )
-        return Sample(self.units, columns, following, self._goes_on[chosen], clusters[chosen])
+        return Sample(self.units, columns, following, self.goes_on[chosen], clusters[chosen])
 
 
 def _checked(
@@ -174,12 +174,12 @@ def _by_episode(episodes: np.ndarray, inside: np.ndarray) -> np.ndarray:
     return rows[np.argsort(labels, kind='stable')]
 
 
-def _cut_tails(box: np.ndarray, table: _Table, episodes: np.ndarray) -> None:
+def _cut_tails(box: np.ndarray, table: _Table) -> None:
     """Move bounds inward where a tail is made of bad samples; changes ``box``."""
     if not len(table):
         return
     for number, unit in enumerate(table.units):
-        for test in flat_tail(number, unit, table.column(number), episodes):
+        for test in flat_tails(number, unit, table.column(number), table.goes_on):
             columns, end = list(unit.columns), 0 if test.side == BELOW else 1
             tighter = np.maximum if end == 0 else np.minimum
             box[columns, end] = tighter(box[columns, end], test.bound)

@@ -341,6 +341,256 @@ def triple_in_twenty(size: str, seed: int) -> Problem:
     return _problem('A8', size, seed, [f'x{number}' for number in range(20)], draw, judge)
 
 
+_ROUNDS = 20
+
+
+def _kept_off(
+    columns: dict[str, Column],
+    rules: Sequence[Callable[[dict[str, Column]], np.ndarray]],
+    escapes: Sequence[tuple[str, float, float]],
+) -> None:
+    """Move one column out of each forbidden corner, reflected at its edge; changes ``columns``.
+
+    Args:
+        columns: by name.
+        rules: each tells where it is violated.
+        escapes: for each rule the column that gives way, where the corner begins, and how far it
+            turns back for each unit that it would have gone in.
+    """
+    for _ in range(_ROUNDS):
+        clean = True
+        for rule, (name, edge, turned) in zip(rules, escapes, strict=True):
+            bad = rule(columns)
+            back = edge - turned * (columns[name] - edge)
+            columns[name] = np.where(bad, back, columns[name])
+            clean = clean and not bad.any()
+        if clean:
+            return
+    raise AssertionError('the rules leave no way out')
+
+
+def _by_name(names: Sequence[str], states: np.ndarray) -> dict[str, np.ndarray]:
+    return {name: states[:, position] for position, name in enumerate(names)}
+
+
+def _planted(
+    name: str,
+    size: str,
+    seed: int,
+    free: Callable[[np.random.Generator, int, int], dict[str, Column]],
+    rules: Sequence[Callable[[dict[str, np.ndarray]], np.ndarray]],
+    escapes: Sequence[tuple[str, float, float]],
+    scattered: dict[str, Sequence[float]],
+    *,
+    families: tuple[tuple[int, ...], ...] = (),
+    limits: np.ndarray | None = None,
+) -> Problem:
+    """Draw a problem whose demonstrator turns back at the edge of every forbidden corner.
+
+    Args:
+        name: of the problem.
+        size: key of :data:`SIZES`.
+        seed: of all chance.
+        free: what one would do who heeds no rule.
+        rules: what is forbidden.
+        escapes: see :func:`_kept_off`.
+        scattered: features that are anything in test states: a range, or more than two values to
+            choose from.
+        families: see :class:`Problem`.
+        limits: see :class:`Problem`.
+    """
+    names = tuple(free(np.random.default_rng(0), 1, 1))
+
+    def draw(rng: np.random.Generator, steps: int, episodes: int) -> list[Column]:
+        columns = free(rng, steps, episodes)
+        _kept_off(columns, rules, escapes)
+        return list(columns.values())
+
+    def judge(rng: np.random.Generator, states: np.ndarray) -> np.ndarray:
+        for feature, choice in scattered.items():
+            column = states[:, names.index(feature)]
+            many = len(choice) > 2
+            column[:] = (
+                rng.choice(choice, len(column)) if many else rng.uniform(*choice, len(column))
+            )
+        named = _by_name(names, states)
+        return np.any([rule(named) for rule in rules], axis=0)
+
+    return _problem(name, size, seed, names, draw, judge, families=families, limits=limits)
+
+
+def warehouse(size: str, seed: int) -> Problem:
+    """A forklift: slow in mode 2, slow with the mast up, no sharp turns with a load."""
+
+    def free(rng: np.random.Generator, steps: int, episodes: int) -> dict[str, Column]:
+        return {
+            'speed': 1.6 * squash(wander(rng, steps, episodes, 20, 1.5)),
+            'mode': switching(rng, steps, episodes, 3, 0.02),
+            'mast': 3.0 * squash(wander(rng, steps, episodes, 40, 1.5) - 0.5),
+            'load': squash(wander(rng, steps, episodes, 80, 2.0)),
+            'steer': np.tanh(wander(rng, steps, episodes, 10, 0.8)),
+            'tilt': wander(rng, steps, episodes, 8, 0.5),
+            'current': np.exp(wander(rng, steps, episodes, 25, 0.5)),
+            'heading': wander(rng, steps, episodes, 60, 1.5),
+        }
+
+    rules = (
+        lambda c: (c['mode'] == 2) & (c['speed'] > 0.4),
+        lambda c: (c['mast'] > 1.5) & (c['speed'] > 0.8),
+        lambda c: (c['load'] > 0.6) & (c['steer'] > 0.4),
+        lambda c: (c['load'] > 0.6) & (c['steer'] < -0.4),
+    )
+    escapes = (('mode', 1.0, 1.0), ('mast', 1.5, 0.9), ('steer', 0.4, 0.9), ('steer', -0.4, 0.9))
+    scattered = {
+        'speed': (0.0, 1.6),
+        'mode': (0, 1, 2),
+        'mast': (0.0, 3.0),
+        'load': (0.0, 1.0),
+        'steer': (-1.0, 1.0),
+    }
+    return _planted('B1', size, seed, free, rules, escapes, scattered)
+
+
+def near_and_fast(size: str, seed: int) -> Problem:
+    """Eight sectors in front and eight behind: nothing near there while driving that way."""
+    front = [f'front_{number}' for number in range(8)]
+    rear = [f'rear_{number}' for number in range(8)]
+
+    def sectors(rng: np.random.Generator, steps: int, episodes: int) -> list[Column]:
+        return [np.clip(0.25 + wander(rng, steps, episodes, 15, 0.22), 0.0, 1.0) for _ in range(8)]
+
+    def free(rng: np.random.Generator, steps: int, episodes: int) -> dict[str, Column]:
+        return {
+            'speed': 0.4 + wander(rng, steps, episodes, 25, 0.6),
+            'turn': wander(rng, steps, episodes, 10, 0.4),
+            **dict(zip(front, sectors(rng, steps, episodes), strict=True)),
+            **dict(zip(rear, sectors(rng, steps, episodes), strict=True)),
+        }
+
+    rules = (
+        lambda c: (np.max([c[name] for name in front], axis=0) > 0.7) & (c['speed'] > 0.5),
+        lambda c: (np.max([c[name] for name in rear], axis=0) > 0.6) & (c['speed'] < -0.2),
+    )
+    scattered = {'speed': (-1.0, 1.8), **dict.fromkeys((*front, *rear), (0.0, 0.75))}
+    limits = np.full((18, 2), [-np.inf, np.inf])
+    limits[2:] = 0.0, 1.0
+    families = (tuple(range(2, 10)), tuple(range(10, 18)))
+    escapes = (('speed', 0.5, 0.5), ('speed', -0.2, 0.5))
+    return _planted(
+        'B2', size, seed, free, rules, escapes, scattered, families=families, limits=limits
+    )
+
+
+def drone(size: str, seed: int) -> Problem:
+    """A low battery far from home, wind high up, and sinking fast near the ground in mode 3."""
+
+    def free(rng: np.random.Generator, steps: int, episodes: int) -> dict[str, Column]:
+        return {
+            'battery': squash(wander(rng, steps, episodes, 60, 1.5) + 0.5),
+            'distance': 400 * squash(wander(rng, steps, episodes, 40, 1.5) - 0.5),
+            'altitude': 120 * squash(wander(rng, steps, episodes, 30, 1.5) - 0.7),
+            'wind': np.abs(wander(rng, steps, episodes, 80, 6.0)),
+            'climb': wander(rng, steps, episodes, 12, 1.2),
+            'mode': switching(rng, steps, episodes, 4, 0.02),
+            'yaw': wander(rng, steps, episodes, 50, 1.0),
+            'vibration': np.exp(wander(rng, steps, episodes, 4, 0.3)),
+            'gps': wander(rng, steps, episodes, 100, 2.0),
+        }
+
+    rules = (
+        lambda c: (c['battery'] < 0.35) & (c['distance'] > 200),
+        lambda c: (c['wind'] > 7) & (c['altitude'] > 50),
+        lambda c: (c['mode'] == 3) & (c['altitude'] < 45) & (c['climb'] < -0.5),
+    )
+    escapes = (('distance', 200.0, 0.9), ('altitude', 50.0, 0.6), ('climb', -0.5, 0.9))
+    scattered = {
+        'battery': (0.0, 1.0),
+        'distance': (0.0, 400.0),
+        'altitude': (0.0, 120.0),
+        'wind': (0.0, 15.0),
+        'climb': (-3.0, 3.0),
+        'mode': (0, 1, 2, 3),
+    }
+    return _planted('B3', size, seed, free, rules, escapes, scattered)
+
+
+def drifting(size: str, seed: int) -> Problem:
+    """Heavy loads are carried slowly and never uphill, while place, battery and heat drift."""
+
+    def free(rng: np.random.Generator, steps: int, episodes: int) -> dict[str, Column]:
+        way = np.cumsum(rng.normal(0.5, 0.5, (steps, episodes)), axis=0)
+        used = np.linspace(0.0, 0.6, steps)[:, None] * rng.uniform(0.7, 1.3, episodes)
+        heat = np.cumsum(rng.normal(0.0, 0.1, (steps, episodes)), axis=0)
+        return {
+            'speed': 1.5 * squash(wander(rng, steps, episodes, 20, 1.5)),
+            'load': squash(wander(rng, steps, episodes, 60, 2.0)),
+            'slope': wander(rng, steps, episodes, 30, 0.1),
+            'x': way,
+            'y': np.cumsum(rng.normal(0.0, 0.5, (steps, episodes)), axis=0),
+            'battery': 1.0 - used,
+            'heat': 20 + heat + np.linspace(0.0, 8.0, episodes),
+        }
+
+    rules = (
+        lambda c: (c['load'] > 0.6) & (c['speed'] > 0.7),
+        lambda c: (c['load'] > 0.6) & (c['slope'] > 0.05),
+    )
+    escapes = (('speed', 0.7, 0.8), ('slope', 0.05, 0.9))
+    scattered = {'speed': (0.0, 1.5), 'load': (0.0, 1.0), 'slope': (-0.3, 0.3)}
+    return _planted('B4', size, seed, free, rules, escapes, scattered)
+
+
+def spoiled_null(size: str, seed: int) -> Problem:
+    """No rule: the features of A6, with 4 % of the rows anything in all of them."""
+
+    def spoil(rng: np.random.Generator, values: np.ndarray) -> None:
+        bad = rng.random(len(values)) < 0.04
+        low, high = values.min(axis=0), values.max(axis=0)
+        values[bad] = rng.uniform(low, high, (int(bad.sum()), values.shape[1]))
+
+    return _problem('N1', size, seed, _NULL_NAMES, _null_columns, spoil=spoil)
+
+
+def habits(size: str, seed: int) -> Problem:
+    """No rule: what is constant in an episode, slow, drifting, or a mode per episode."""
+
+    def draw(rng: np.random.Generator, steps: int, episodes: int) -> list[Column]:
+        constant = [np.tile(rng.normal(size=episodes), (steps, 1)) for _ in range(3)]
+        kinds = np.tile(rng.integers(0, 3, episodes).astype(float), (steps, 1))
+        slow = [wander(rng, steps, episodes, steps) for _ in range(3)]
+        walk = [np.cumsum(rng.normal(size=(steps, episodes)), axis=0) for _ in range(2)]
+        own = [wander(rng, steps, episodes, 10) * rng.uniform(0.3, 2.0, episodes)]
+        return [*constant, kinds, *slow, *walk, *own]
+
+    names = ('c0', 'c1', 'c2', 'kind', 's0', 's1', 's2', 'w0', 'w1', 'own')
+    return _problem('N2', size, seed, names, draw)
+
+
+def geometry(size: str, seed: int) -> Problem:
+    """No rule: features that hang together by geometry and dynamics."""
+
+    def draw(rng: np.random.Generator, steps: int, episodes: int) -> list[Column]:
+        left = 6 + wander(rng, steps, episodes, 30, 1.5)
+        speed = np.abs(wander(rng, steps, episodes, 30)) + 0.2
+        turn = wander(rng, steps, episodes, 8, 0.3)
+        bearing = wander(rng, steps, episodes, 40, 2.0)
+        acceleration = np.gradient(speed, axis=0)
+        return [
+            left,
+            12 - left,
+            speed,
+            turn,
+            speed * turn,
+            np.cos(bearing),
+            np.sin(bearing),
+            acceleration + wander(rng, steps, episodes, 2, 0.05),
+            np.minimum(np.exp(wander(rng, steps, episodes, 60, 0.8) + 3), 40.0),
+        ]
+
+    names = ('left', 'right', 'speed', 'turn', 'lateral', 'cos', 'sin', 'acc', 'range')
+    return _problem('N3', size, seed, names, draw)
+
+
 PROBLEMS: dict[str, Callable[[str, int], Problem]] = {
     'A2': clearance_by_speed,
     'A3': speed_limits_of_modes,
@@ -349,5 +599,12 @@ PROBLEMS: dict[str, Callable[[str, int], Problem]] = {
     'A6': correlated,
     'A7': bad_rows,
     'A8': triple_in_twenty,
+    'B1': warehouse,
+    'B2': near_and_fast,
+    'B3': drone,
+    'B4': drifting,
+    'N1': spoiled_null,
+    'N2': habits,
+    'N3': geometry,
 }
 """Every problem by its name: (size, seed) to the problem."""

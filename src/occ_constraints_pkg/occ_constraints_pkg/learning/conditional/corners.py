@@ -63,6 +63,7 @@ class CornerSearch:
         self,
         sample: Sample,
         expectation: Expectation,
+        correlation: CorrelationNull,
         pairs: Sequence[tuple[int, int]],
         found: Sequence[Found],
         *,
@@ -74,6 +75,7 @@ class CornerSearch:
         Args:
             sample: the rows.
             expectation: of these rows.
+            correlation: of these rows.
             pairs: units that may be combined.
             found: rules that there are already.
             delta: chance that there is any false rule.
@@ -85,7 +87,7 @@ class CornerSearch:
         self.found = list(found)
         self._most_rules = most_rules
         self._grids = [make_grid(sample, unit, _CELLS) for unit in range(len(sample.units))]
-        self._correlation = CorrelationNull(sample)
+        self._correlation = correlation
         self._acceptance = Acceptance(sample, expectation, self._correlation)
         self.looks = LOOKS * sum(
             self._grids[i].orientations * self._grids[j].orientations for i, j in self._pairs

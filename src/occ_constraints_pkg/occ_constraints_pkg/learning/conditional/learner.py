@@ -4,13 +4,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.learning.conditional.acceptance import MOST_OUTSIDE, Found, is_empty
 from occ_constraints_pkg.learning.conditional.corners import CornerSearch
+from occ_constraints_pkg.learning.conditional.correlation import CorrelationNull
 from occ_constraints_pkg.learning.conditional.expectation import Expectation
 from occ_constraints_pkg.learning.conditional.gaps import close_on, find_gaps
 from occ_constraints_pkg.learning.conditional.margins import outward_margins
@@ -18,7 +19,7 @@ from occ_constraints_pkg.learning.conditional.placing import place
 from occ_constraints_pkg.learning.conditional.rules import ConditionalRule, Feature, LearnedRules
 from occ_constraints_pkg.learning.conditional.sample import MOST_ROWS, Rows, Sample
 from occ_constraints_pkg.learning.conditional.settings import ConditionalSettings
-from occ_constraints_pkg.learning.conditional.tails import flat_tails
+from occ_constraints_pkg.learning.conditional.tails import find_glitches, flat_tails
 from occ_constraints_pkg.learning.conditional.triples import find_triples
 from occ_constraints_pkg.learning.conditional.units import (
     BELOW,
@@ -27,8 +28,6 @@ from occ_constraints_pkg.learning.conditional.units import (
     make_units,
     pairs_of,
 )
-
-Box = Callable[[np.ndarray, np.ndarray, Sequence[Sequence[int]], np.ndarray], np.ndarray]
 
 
 def learn_conditional(
@@ -63,26 +62,16 @@ def learn_conditional(
     demonstrated = demonstrated_ranges(values, list(families.values()))
     box = np.array(bounds, dtype=np.float64)
     units = make_units(values, features)
-    inside = ~((values < box[:, 0]) | (values > box[:, 1])).any(axis=1)
     clusters = episodes if recordings is None else np.asarray(recordings)
-    order = _by_episode(episodes, inside)
-    table = _Table(values, units, order, episodes)
+    table = _Table(values, units, _by_episode(episodes, _inside(values, box)), episodes)
     if settings.outside is not None:
-        discrete = [unit.columns[0] for unit in units if unit.is_discrete]
-        margins = outward_margins(
-            values, episodes, list(families.values()), settings.outside, discrete
-        )
-        lows = np.array([feature.low for feature in features])
-        highs = np.array([feature.high for feature in features])
-        at_low, at_high = box[:, 0] == demonstrated[:, 0], box[:, 1] == demonstrated[:, 1]
-        box[at_low, 0] = np.maximum(box[:, 0] - margins[:, 0], lows)[at_low]
-        box[at_high, 1] = np.minimum(box[:, 1] + margins[:, 1], highs)[at_high]
-    _cut_tails(box, table)
-    rules = ()
-    if settings.conditions != 'none' and len(units) > 0 and len(order):
-        order = order[~((values[order] < box[:, 0]) | (values[order] > box[:, 1])).any(axis=1)]
-        table = _Table(values, units, order, episodes)
-        rules = _conditional_rules(table, clusters[order], features, settings)
+        _move_outward(box, demonstrated, values, episodes, features, units, settings.outside)
+    is_bad = _screen(box, table)
+    rules: tuple[ConditionalRule, ...] = ()
+    if settings.conditions != 'none' and units and len(table):
+        kept = _inside(values, box)[table.order]
+        table = _Table(values, units, table.order[kept], episodes)
+        rules = _conditional_rules(table, is_bad[kept], clusters, features, settings)
     return LearnedRules(box, demonstrated, rules)
 
 
@@ -95,7 +84,13 @@ def demonstrated_ranges(values: np.ndarray, families: Sequence[Sequence[int]]) -
 
 
 class _Table:
-    """All rows in the order of time; a unit's values are copied when they are first needed."""
+    """Rows in the order of time; columns are copied when they are asked for.
+
+    Attributes:
+        units: what the rows have values of.
+        order: (n,) positions of the rows among the samples.
+        goes_on: (n,) bool, whether the next row is the next one of the same episode.
+    """
 
     def __init__(
         self,
@@ -105,21 +100,19 @@ class _Table:
         episodes: np.ndarray,
     ) -> None:
         self.units = units
-        self._values = values
-        self._order = order
+        self.order = order
         labels = episodes[order]
         self.goes_on = np.append(labels[1:] == labels[:-1], False)[: len(order)]
-        self._columns: dict[int, np.ndarray] = {}
+        self._values = values
 
     def __len__(self) -> int:
-        return len(self._order)
+        return len(self.order)
 
     def column(self, unit: int) -> np.ndarray:
-        if unit not in self._columns:
-            self._columns[unit] = self.units[unit].of(self._values)[self._order]
-        return self._columns[unit]
+        return self.units[unit].of(self._values)[self.order]
 
     def rows(self, needed: set[int]) -> Rows:
+        """Return all rows, with the values of some units."""
         empty = np.empty(0)
         columns = [
             self.column(unit) if unit in needed else empty for unit in range(len(self.units))
@@ -127,15 +120,17 @@ class _Table:
         following = [column[1:] for column in columns]
         return Rows(self.units, columns, following, self.goes_on)
 
-    def sample(self, clusters: np.ndarray) -> Sample:
-        step = max(1, -(-len(self) // MOST_ROWS))
-        chosen = np.arange(0, len(self), step)
+    def sample(self, is_bad: np.ndarray, clusters: np.ndarray) -> Sample:
+        """Return some of the rows that are not bad, evenly chosen."""
+        good = np.flatnonzero(~is_bad)
+        chosen = good[:: max(1, -(-len(good) // MOST_ROWS))]
         later = np.minimum(chosen + 1, len(self) - 1)
         columns, following = (
-            [unit.of(self._values[self._order[rows]]) for unit in self.units]
+            [unit.of(self._values[self.order[rows]]) for unit in self.units]
             for rows in (chosen, later)
         )
-        return Sample(self.units, columns, following, self.goes_on[chosen], clusters[chosen])
+        labels = clusters[self.order[chosen]]
+        return Sample(self.units, columns, following, self.goes_on[chosen], labels)
 
 
 def _checked(
@@ -174,31 +169,74 @@ def _by_episode(episodes: np.ndarray, inside: np.ndarray) -> np.ndarray:
     return rows[np.argsort(labels, kind='stable')]
 
 
-def _cut_tails(box: np.ndarray, table: _Table) -> None:
-    """Move bounds inward where a tail is made of bad samples; changes ``box``."""
-    if not len(table):
-        return
+def _inside(values: np.ndarray, box: np.ndarray) -> np.ndarray:
+    """Tell for each of (n, k) samples whether it is in a box: (n,) bool."""
+    inside = np.ones(len(values), dtype=bool)
+    for column, (low, high) in zip(values.T, box, strict=True):
+        inside &= (column >= low) & (column <= high)
+    return inside
+
+
+def _move_outward(
+    box: np.ndarray,
+    demonstrated: np.ndarray,
+    values: np.ndarray,
+    episodes: np.ndarray,
+    features: Sequence[Feature],
+    units: Sequence[Unit],
+    outside: float,
+) -> None:
+    """Move bounds at the demonstrated minimum and maximum outward; changes ``box``."""
+    discrete = [unit.columns[0] for unit in units if unit.is_discrete]
+    together = list(families_of(features).values())
+    margins = outward_margins(values, episodes, together, outside, discrete)
+    lows = np.array([feature.low for feature in features])
+    highs = np.array([feature.high for feature in features])
+    at_low, at_high = box[:, 0] == demonstrated[:, 0], box[:, 1] == demonstrated[:, 1]
+    box[at_low, 0] = np.maximum(box[:, 0] - margins[:, 0], lows)[at_low]
+    box[at_high, 1] = np.minimum(box[:, 1] + margins[:, 1], highs)[at_high]
+
+
+def _screen(box: np.ndarray, table: _Table) -> np.ndarray:
+    """Move bounds inward where a tail is made of bad samples; changes ``box``.
+
+    Returns:
+        (n,) bool, the rows that are glitches in several features at once. One bad row puts all of
+        its features anywhere, so they seem to hang together.
+    """
+    glitches = np.zeros(len(table), dtype=np.int64)
     for number, unit in enumerate(table.units):
-        for test in flat_tails(number, unit, table.column(number), table.goes_on):
+        if unit.is_discrete or not len(table):
+            continue
+        column = table.column(number)
+        found = find_glitches(column, table.goes_on)
+        if not unit.is_family:
+            glitches += found
+        for test in flat_tails(number, unit, column, found):
             columns, end = list(unit.columns), 0 if test.side == BELOW else 1
             tighter = np.maximum if end == 0 else np.minimum
             box[columns, end] = tighter(box[columns, end], test.bound)
+    return glitches > 1
 
 
 def _conditional_rules(
     table: _Table,
+    is_bad: np.ndarray,
     clusters: np.ndarray,
     features: Sequence[Feature],
     settings: ConditionalSettings,
 ) -> tuple[ConditionalRule, ...]:
-    sample = table.sample(clusters)
+    if is_bad.all():
+        return ()
+    sample = table.sample(is_bad, clusters)
     units = table.units
     pairs = pairs_of(units, features, settings.apart)
-    expectation = Expectation(sample)
+    expectation, correlation = Expectation(sample), CorrelationNull(sample)
     found = find_gaps(sample, delta=settings.delta)[: settings.most_rules]
     search = CornerSearch(
         sample,
         expectation,
+        correlation,
         pairs,
         found,
         delta=settings.delta,
@@ -209,13 +247,13 @@ def _conditional_rules(
         found = find_triples(
             sample,
             expectation,
+            correlation,
             pairs,
             found,
             looks_at_pairs=search.looks,
             delta=settings.delta,
             most_rules=settings.most_rules,
         )
-    settled = _settled(table, sample, found)
     return tuple(
         ConditionalRule(
             tuple(
@@ -227,14 +265,16 @@ def _conditional_rules(
             rule.seen,
             rule.evidence,
         )
-        for rule in settled
+        for rule in _settled(table, is_bad, sample, found)
     )
 
 
-def _settled(table: _Table, sample: Sample, found: Sequence[Found]) -> list[Found]:
+def _settled(
+    table: _Table, is_bad: np.ndarray, sample: Sample, found: Sequence[Found]
+) -> list[Found]:
     """Return the rules with their bounds placed on all rows; those go that do not hold there."""
     settled: list[Found] = []
-    free = np.ones(len(table), dtype=bool)
+    free = ~is_bad
     for rule in found:
         rows = table.rows({test.unit for test in rule.tests})
         if rule.is_gap:

@@ -1,9 +1,9 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Tails made of bad samples: they jump in and out in a single row, and lie anywhere.
+"""Bad samples: they jump in and out in a single row, and lie anywhere.
 
 Good samples come and go over several rows, or at least no faster than they ever move, and their
-tail thins out. Where a tail has none of this, it is cut off where the density jumps.
+tails thin out. A tail that has none of this is made of bad samples.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ _CELLS = 128
 _NARROWEST, _WIDEST = 4, 64
 # A glitch differs from the samples before and after it by so many times the usual step.
 _JUMP = 8.0
+_SOME = 10_000
 # A tail of bad samples has so many in its inner half, and at most this share that are no glitches:
 # bad samples may follow each other, or be close to good ones.
 _FEWEST, _OTHERS = 4, 0.3
@@ -25,50 +26,60 @@ _FEWEST, _OTHERS = 4, 0.3
 _FLAT, _DENSER, _DENSEST = 0.6, 4.0, 1.2 * MOST_BAD
 
 
-def flat_tails(unit: int, described: Unit, column: np.ndarray, goes_on: np.ndarray) -> list[Test]:
+def find_glitches(column: np.ndarray, goes_on: np.ndarray) -> np.ndarray:
+    """Tell for each row whether its value jumps away from those before and after it.
+
+    Args:
+        column: (n,) values in the order of time.
+        goes_on: (n,) bool, whether the next row is the next sample of the same episode.
+
+    Returns:
+        (n,) bool. Where an episode begins or ends, the one neighbour decides.
+    """
+    glitches = np.zeros(len(column), dtype=bool)
+    joined = goes_on[:-1]
+    steps = np.abs(np.diff(column))
+    some = steps[:: max(1, len(steps) // _SOME)][joined[:: max(1, len(steps) // _SOME)]]
+    usual = float(np.median(some)) if len(some) else 0.0
+    if usual == 0.0:
+        return glitches
+    is_jump = steps > _JUMP * usual
+    glitches[:-1] = is_jump & joined
+    # After a jump in, the next step has to be a jump out, unless there is none.
+    glitches[1:] = np.where(joined, is_jump & (glitches[1:] | ~goes_on[1:]), glitches[1:])
+    return glitches
+
+
+def flat_tails(unit: int, described: Unit, column: np.ndarray, is_glitch: np.ndarray) -> list[Test]:
     """Return the bounds, at most one on each side, beyond which a unit has only bad samples.
 
     Args:
         unit: its position.
         described: what it is.
-        column: (n,) its values in the order of time.
-        goes_on: (n,) bool, whether the next row is the next sample of the same episode.
+        column: (n,) its values.
+        is_glitch: (n,) bool, see :func:`find_glitches`.
     """
-    if described.is_discrete:
-        return []
-    is_glitch = _glitches(column, goes_on)
     bounds = []
-    for side in described.sides:
-        sign = 1.0 if side == BELOW else -1.0
-        bound = _start(sign * column, is_glitch)
-        if bound is not None:
-            bounds.append(Test(unit, side, sign * bound))
+    if np.count_nonzero(is_glitch) >= _FEWEST:
+        for side in described.sides:
+            sign = 1.0 if side == BELOW else -1.0
+            bound = _start(sign * column, is_glitch)
+            if bound is not None:
+                bounds.append(Test(unit, side, sign * bound))
     return bounds
-
-
-def _glitches(column: np.ndarray, goes_on: np.ndarray) -> np.ndarray:
-    """Tell for each row whether its value jumps away from those before and after it: (n,) bool."""
-    steps = np.abs(np.diff(column))
-    joined = goes_on[:-1]
-    if not joined.any():
-        return np.zeros(len(column), dtype=bool)
-    is_jump = steps > _JUMP * np.median(steps[joined])
-    out = np.ones(len(column), dtype=bool)
-    # Where an episode begins or ends, one of the two has to do.
-    out[:-1] &= is_jump | ~joined
-    out[1:] &= is_jump | ~joined
-    alone = ~goes_on
-    alone[1:] &= ~joined
-    return out & ~alone
 
 
 def _start(column: np.ndarray, is_glitch: np.ndarray) -> float | None:
     """Return where the tail at the small values ends, or ``None`` if it is not of bad samples."""
-    counts, edges = np.histogram(column, _CELLS)
-    below = np.concatenate(([0], np.cumsum(counts)))
-    others, _ = np.histogram(column[~is_glitch], edges)
+    extent = float(column.min()), float(column.max())
+    bad, edges = np.histogram(column[is_glitch], _CELLS, extent)
     cut = np.arange(_NARROWEST, _WIDEST + 1)
     half = cut // 2
+    # There are few glitches, and mostly none in a tail, so that all rows need not be counted.
+    bad = np.cumsum(bad)[cut - 1]
+    if bad[-1] < _FEWEST:
+        return None
+    below = np.concatenate(([0], np.cumsum(np.histogram(column, edges)[0])))
     whole, core = below[cut], below[half]
     inside = below[np.minimum(cut + half, _CELLS)] - whole
     is_flat = (
@@ -76,6 +87,6 @@ def _start(column: np.ndarray, is_glitch: np.ndarray) -> float | None:
         & (core * cut >= _FLAT * whole * half)
         & (core * _CELLS <= _DENSEST * len(column) * half)
         & (inside >= _DENSER * core)
-        & (np.cumsum(others)[cut - 1] <= _OTHERS * whole)
+        & (bad >= (1 - _OTHERS) * whole)
     )
     return float(edges[cut[is_flat][-1]]) if is_flat.any() else None

@@ -32,6 +32,7 @@ _MOST_CANDIDATES = 40
 def find_triples(
     sample: Sample,
     expectation: Expectation,
+    correlation: CorrelationNull,
     pairs: Sequence[tuple[int, int]],
     found: Sequence[Found],
     *,
@@ -47,6 +48,7 @@ def find_triples(
     Args:
         sample: the rows.
         expectation: of these rows.
+        correlation: of these rows.
         pairs: units that may be combined.
         found: rules that there are already.
         looks_at_pairs: how many corners of pairs were looked at.
@@ -57,7 +59,7 @@ def find_triples(
     if len(sample.units) > MOST_UNITS:
         return found
     grids = [make_grid(sample, unit, _CELLS) for unit in range(len(sample.units))]
-    known = set(pairs)
+    known = {pair for pair in pairs if not correlation.is_determined(*pair)}
     triples = [
         three
         for three in combinations(range(len(grids)), 3)
@@ -80,7 +82,7 @@ def find_triples(
             )
             candidates.append((float(gain.flat[best]), tests))
     candidates.sort(key=lambda candidate: -candidate[0])
-    acceptance = Acceptance(sample, expectation, CorrelationNull(sample))
+    acceptance = Acceptance(sample, expectation, correlation)
     for _, tests in candidates[:_MOST_CANDIDATES]:
         if len(found) >= most_rules:
             break

@@ -14,7 +14,7 @@ from occ_constraints_pkg.learning.conditional.expectation import Expectation
 from occ_constraints_pkg.learning.conditional.placing import bad_density, place
 from occ_constraints_pkg.learning.conditional.price import Seen, allowed_bad, worth
 from occ_constraints_pkg.learning.conditional.sample import Rows, Sample
-from occ_constraints_pkg.learning.conditional.units import EQUAL, Test
+from occ_constraints_pkg.learning.conditional.units import EQUAL, Cut
 
 MOST_OUTSIDE = 0.01
 """Share of the demonstrations that all conditional rules together may see."""
@@ -34,14 +34,14 @@ class Found:
     """A rule during the search.
 
     Attributes:
-        tests: its literals.
+        cuts: its literals.
         expected: share of the time.
         seen: share of the rows that are in no earlier rule.
         evidence: that it is no chance.
         strip: independent visits between its bounds and the data.
     """
 
-    tests: tuple[Test, ...]
+    cuts: tuple[Cut, ...]
     expected: float
     seen: float
     evidence: float
@@ -50,19 +50,17 @@ class Found:
     @property
     def is_gap(self) -> bool:
         """Whether it is a range of one unit."""
-        return len({test.unit for test in self.tests}) == 1
+        return len({cut.unit for cut in self.cuts}) == 1
 
     @property
     def way(self) -> Way:
         """Which units it is about and which ends of them, whatever the bounds."""
-        return way_of(self.tests)
+        return way_of(self.cuts)
 
 
-def way_of(tests: Sequence[Test]) -> Way:
+def way_of(cuts: Sequence[Cut]) -> Way:
     """Return which units a corner is about and which ends of them, whatever the bounds."""
-    return tuple(
-        (test.unit, test.side, test.bound if test.side == EQUAL else None) for test in tests
-    )
+    return tuple((cut.unit, cut.side, cut.bound if cut.side == EQUAL else None) for cut in cuts)
 
 
 class Acceptance:
@@ -80,7 +78,7 @@ class Acceptance:
 
     def judge(
         self,
-        tests: Sequence[Test],
+        cuts: Sequence[Cut],
         needed: float,
         least: float,
         seen_by_others: float,
@@ -90,22 +88,22 @@ class Acceptance:
         """Return a candidate as a rule with its bounds placed, or ``None``.
 
         Args:
-            tests: its literals.
+            cuts: its literals.
             needed: evidence that it needs.
             least: share of the time that has to be expected in it.
             seen_by_others: share of the rows that the rules so far see.
             proven: whether a rule of the same way is already shown to be more than correlation.
         """
-        visits = self._expectation.corner(tests).evidence
+        visits = self._expectation.corner(cuts).evidence
         if visits < needed / 2:
             return None
-        strip = self._steady(tests, visits)
+        strip = self._steady(cuts, visits)
         if strip is None:
             return None
-        placed = place(self._sample, self._sample, self._expectation.free, tests, visits, strip)
+        placed = place(self._sample, self._sample, self._expectation.free, cuts, visits, strip)
         share = self._expectation.share(placed)
         # That the corner is empty is proven by all of it, also by the strip that the rule leaves.
-        evidence = max(self._evidence(corner, proven) for corner in (tests, placed))
+        evidence = max(self._evidence(corner, proven) for corner in (cuts, placed))
         new = float((self._sample.inside(placed) & self._expectation.free).mean())
         found = Found(placed, share, new, evidence, strip)
         sound = (
@@ -116,14 +114,14 @@ class Acceptance:
         )
         return found if sound else None
 
-    def _evidence(self, tests: Sequence[Test], proven: bool) -> float:
+    def _evidence(self, cuts: Sequence[Cut], proven: bool) -> float:
         """Return the evidence of a corner, as far as correlation does not explain it."""
-        evidence = self._expectation.corner(tests).evidence
-        if len(tests) == 2 and not proven:
-            evidence *= self._correlation.share_at(*tests)
+        evidence = self._expectation.corner(cuts).evidence
+        if len(cuts) == 2 and not proven:
+            evidence *= self._correlation.share_at(*cuts)
         return evidence
 
-    def _steady(self, tests: Sequence[Test], evidence: float) -> float | None:
+    def _steady(self, cuts: Sequence[Cut], evidence: float) -> float | None:
         """Return the first strip at which bounds placed without some episodes hardly flag these.
 
         ``None`` if there is no such strip.
@@ -135,16 +133,16 @@ class Acceptance:
             (fold, sample.take(self._fold != fold), sample.take(self._fold == fold))
             for fold in range(_FOLDS)
         ]
-        bad = allowed_bad(sample.volume_of(tests), bad_density(sample, sample, tests))
+        bad = allowed_bad(sample.volume_of(cuts), bad_density(sample, sample, cuts))
         for strip in _STRIPS:
-            flagged = sum(self._flagged_left_out(tests, evidence, strip, *fold) for fold in folds)
+            flagged = sum(self._flagged_left_out(cuts, evidence, strip, *fold) for fold in folds)
             if flagged / len(sample) <= _MOST_LEFT_OUT + bad:
                 return strip
         return None
 
     def _flagged_left_out(
         self,
-        tests: Sequence[Test],
+        cuts: Sequence[Cut],
         evidence: float,
         strip: float,
         fold: int,
@@ -153,7 +151,7 @@ class Acceptance:
     ) -> int:
         """Return how many rows of a fold bounds flag that are placed on the other ones."""
         free = self._expectation.free
-        placed = place(self._sample, others, free[self._fold != fold], tests, evidence, strip)
+        placed = place(self._sample, others, free[self._fold != fold], cuts, evidence, strip)
         return int((left_out.inside(placed) & free[self._fold == fold]).sum())
 
 
@@ -167,8 +165,8 @@ def is_empty(sample: Sample, rows: Rows, found: Found) -> bool:
     """
     gain = worth(
         found.expected,
-        Seen(float(rows.inside(found.tests).mean()), found.seen),
-        sample.volume_of(found.tests),
-        bad_density(sample, rows, found.tests),
+        Seen(float(rows.inside(found.cuts).mean()), found.seen),
+        sample.volume_of(found.cuts),
+        bad_density(sample, rows, found.cuts),
     )
     return float(gain) >= _LEAST_WORTH * found.expected

@@ -16,7 +16,7 @@ from occ_constraints_pkg.learning.conditional.expectation import Expectation
 from occ_constraints_pkg.learning.conditional.grid import make_grid
 from occ_constraints_pkg.learning.conditional.price import bad_share, worth
 from occ_constraints_pkg.learning.conditional.sample import Sample
-from occ_constraints_pkg.learning.conditional.units import EQUAL, Test
+from occ_constraints_pkg.learning.conditional.units import EQUAL, Cut
 
 LOOKS = 16.0
 """Corners of one pair and orientation that are as good as independent."""
@@ -111,18 +111,18 @@ class CornerSearch:
             rule = self._next()
             if rule is None:
                 break
-            first = _First(rule.expected, rule.seen, self._new_volume(rule.tests))
+            first = _First(rule.expected, rule.seen, self._new_volume(rule.cuts))
             self._firsts.setdefault(rule.way, first)
             self.found.append(rule)
             self._forbid()
-            units = {test.unit for test in rule.tests}
+            units = {cut.unit for cut in rule.cuts}
             stale = {pair for pair in self._pairs if units & set(pair)}
         for _ in range(_BACKFITS):
             self._backfit()
         return self.found
 
     def _forbid(self) -> None:
-        self._expectation.forbid([rule.tests for rule in self.found])
+        self._expectation.forbid([rule.cuts for rule in self.found])
 
     def _next(self) -> Found | None:
         """Return the best candidate that is accepted; candidates that are refused are barred."""
@@ -151,25 +151,25 @@ class CornerSearch:
     def _try(self, pair: tuple[int, int]) -> Found | None:
         """Return the best corner of a pair as a rule; if it is refused, bar it."""
         at = np.unravel_index(int(self._gains[pair].argmax()), self._gains[pair].shape)
-        tests = tuple(
-            self._grids[unit].tests[position] for unit, position in zip(pair, at, strict=True)
+        cuts = tuple(
+            self._grids[unit].cuts[position] for unit, position in zip(pair, at, strict=True)
         )
-        way = way_of(tests)
+        way = way_of(cuts)
         steps = sum(rule.way == way for rule in self.found)
-        rule = self._judge(tests) if steps < _MOST_STEPS else None
+        rule = self._judge(cuts) if steps < _MOST_STEPS else None
         if rule is not None and self._is_worth_a_line(rule):
             return rule
         self._refusals[way] = self._refusals.get(way, 0) + 1
         self._bar(pair, at, entirely=steps >= _MOST_STEPS or self._refusals[way] >= _MOST_REFUSED)
         return None
 
-    def _judge(self, tests: Sequence[Test]) -> Found | None:
+    def _judge(self, cuts: Sequence[Cut]) -> Found | None:
         return self._acceptance.judge(
-            tests,
+            cuts,
             self._needed,
             _LEAST,
             sum(rule.seen for rule in self.found),
-            proven=way_of(tests) in self._firsts,
+            proven=way_of(cuts) in self._firsts,
         )
 
     def _is_worth_a_line(self, rule: Found) -> bool:
@@ -179,7 +179,7 @@ class CornerSearch:
         least = _LEAST_STEP if first.seen == 0 else _LEAST_SPOILED_STEP
         return (
             rule.expected >= least * first.expected
-            or self._new_volume(rule.tests) >= least * first.volume
+            or self._new_volume(rule.cuts) >= least * first.volume
         )
 
     def _bar(self, pair: tuple[int, int], at: Sequence[int], *, entirely: bool) -> None:
@@ -188,7 +188,7 @@ class CornerSearch:
         within = []
         for grid, position in ((self._grids[i], at[0]), (self._grids[j], at[1])):
             if grid.sides[position] == EQUAL:
-                chosen = np.arange(len(grid.tests)) == position
+                chosen = np.arange(len(grid.cuts)) == position
             else:
                 chosen = grid.sides == grid.sides[position]
                 if not entirely:
@@ -228,10 +228,10 @@ class CornerSearch:
                     left[np.ix_(rows, self._grids[j].sides == other_side)] = 1.0
         return left
 
-    def _new_volume(self, tests: Sequence[Test]) -> float:
+    def _new_volume(self, cuts: Sequence[Cut]) -> float:
         """Return the share of its units' ranges that a corner adds to the rules about them."""
         sample, rng = self._sample, np.random.default_rng(0)
-        units = sorted({test.unit for test in tests})
+        units = sorted({cut.unit for cut in cuts})
         points = {
             unit: rng.choice(sample.columns[unit], _VOLUME_POINTS)
             if sample.units[unit].is_discrete
@@ -239,16 +239,16 @@ class CornerSearch:
             for unit in units
         }
 
-        def inside(tests: Sequence[Test]) -> np.ndarray:
+        def inside(cuts: Sequence[Cut]) -> np.ndarray:
             true = np.ones(_VOLUME_POINTS, dtype=bool)
-            for test in tests:
-                true &= sample.units[test.unit].is_true(points[test.unit], test.side, test.bound)
+            for cut in cuts:
+                true &= sample.units[cut.unit].is_true(points[cut.unit], cut.side, cut.bound)
             return true
 
-        new = inside(tests)
+        new = inside(cuts)
         for rule in self.found:
-            if {test.unit for test in rule.tests} <= set(units):
-                new &= ~inside(rule.tests)
+            if {cut.unit for cut in rule.cuts} <= set(units):
+                new &= ~inside(rule.cuts)
         return float(new.mean())
 
     def _backfit(self) -> None:
@@ -271,8 +271,8 @@ class CornerSearch:
             np.outer(one.sides == side, other.sides == other_side), self._gain(pair), -1.0
         )
         a, b = np.unravel_index(int(gain.argmax()), gain.shape)
-        better = self._judge((one.tests[a], other.tests[b]))
-        now = self._expectation.share(rule.tests)
+        better = self._judge((one.cuts[a], other.cuts[b]))
+        now = self._expectation.share(rule.cuts)
         if better is None or better.expected <= _BETTER * now:
             better = rule
         self.found = [*everything[:position], better, *everything[position + 1 :]]

@@ -18,7 +18,7 @@ from scipy.special import ndtri
 
 from occ_constraints_pkg.learning.conditional.grid import Grid
 from occ_constraints_pkg.learning.conditional.sample import Sample
-from occ_constraints_pkg.learning.conditional.units import ABOVE, BELOW, Test
+from occ_constraints_pkg.learning.conditional.units import ABOVE, BELOW, Cut
 
 # Beyond this the integral needs more points than it has.
 _STRONGEST = 0.9999
@@ -104,7 +104,7 @@ class CorrelationNull:
         Returns:
             (a, b) within 0 to 1; 1 where the null does not apply.
         """
-        out = np.ones((len(one.tests), len(other.tests)))
+        out = np.ones((len(one.cuts), len(other.cuts)))
         if not self.applies(i, j):
             return out
         if self.is_determined(i, j):
@@ -122,19 +122,19 @@ class CorrelationNull:
                     out[np.ix_(rows, columns)] = np.clip(share, 0.0, 1.0)
         return out
 
-    def share_at(self, test: Test, other: Test) -> float:
+    def share_at(self, cut: Cut, other: Cut) -> float:
         """Return the same for one corner."""
-        if not self.applies(test.unit, other.unit):
+        if not self.applies(cut.unit, other.unit):
             return 1.0
-        mass = np.array([self._sample.is_true(test).mean()])
+        mass = np.array([self._sample.is_true(cut).mean()])
         other_mass = np.array([self._sample.is_true(other).mean()])
         if not (0 < mass[0] < 1 and 0 < other_mass[0] < 1):
             return 0.0
-        if self.is_determined(test.unit, other.unit):
+        if self.is_determined(cut.unit, other.unit):
             return 0.0
-        rho = self.correlation(test.unit, other.unit) * test.side * other.side
+        rho = self.correlation(cut.unit, other.unit) * cut.side * other.side
         copula = gaussian_corner(mass, other_mass, rho)
-        mirrored = self._mirrored(test.unit, test.side, mass, other.unit, other.side, other_mass)
+        mirrored = self._mirrored(cut.unit, cut.side, mass, other.unit, other.side, other_mass)
         most = np.maximum(copula, mirrored)
         return float(np.clip(most / np.outer(mass, other_mass), 0.0, 1.0)[0, 0])
 

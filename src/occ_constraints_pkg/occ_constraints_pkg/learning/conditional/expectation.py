@@ -20,7 +20,7 @@ from occ_constraints_pkg.learning.conditional.evidence import cluster_evidence, 
 from occ_constraints_pkg.learning.conditional.grid import Grid
 from occ_constraints_pkg.learning.conditional.price import Seen
 from occ_constraints_pkg.learning.conditional.sample import Sample
-from occ_constraints_pkg.learning.conditional.units import Test
+from occ_constraints_pkg.learning.conditional.units import Cut
 
 # The columns of few rows are rolled several times, until there are so many reference rows.
 _REFERENCE_ROWS = 30_000
@@ -57,7 +57,7 @@ class Expectation:
         self.free = np.ones(rows, dtype=bool)
         self._free_rolled: dict[int, np.ndarray] = {}
 
-    def forbid(self, rules: Sequence[tuple[Test, ...]]) -> None:
+    def forbid(self, rules: Sequence[tuple[Cut, ...]]) -> None:
         """Set the rules so far, whose rows do not count.
 
         Attributes changed: ``free`` tells which rows none of them forbids.
@@ -70,27 +70,27 @@ class Expectation:
         self._free_rolled = {}
         for unit in range(len(sample.units)):
             free = everywhere
-            concerned = [rule for rule in rules if any(test.unit == unit for test in rule)]
+            concerned = [rule for rule in rules if any(cut.unit == unit for cut in rule)]
             if concerned:
                 free = everywhere.copy()
                 for rule in concerned:
                     free &= ~self._inside(rule, unit)
             self._free_rolled[unit] = free
 
-    def corner(self, tests: Sequence[Test], seen: np.ndarray | None = None) -> Expected:
+    def corner(self, cuts: Sequence[Cut], seen: np.ndarray | None = None) -> Expected:
         """Return what is expected in a corner: the least over its members.
 
         Args:
-            tests: its literals.
+            cuts: its literals.
             seen: (n,) bool, the rows in it; by default those of the sample.
         """
         sample = self.sample
         if seen is None:
-            seen = sample.inside(tests)
+            seen = sample.inside(cuts)
         came = np.bincount(sample.clusters[seen & self.free], minlength=sample.cluster_count) > 0
         share, evidence = math.inf, math.inf
-        for unit in {test.unit for test in tests}:
-            counts = self._counts(tests, unit)
+        for unit in {cut.unit for cut in cuts}:
+            counts = self._counts(cuts, unit)
             share = min(share, float(counts.sum()) / (self.copies * len(sample)))
             proven = max(
                 visit_evidence(counts, sample.cluster_shares, float(seen.sum())),
@@ -99,11 +99,11 @@ class Expectation:
             evidence = min(evidence, proven)
         return Expected(share, evidence)
 
-    def share(self, tests: Sequence[Test]) -> float:
+    def share(self, cuts: Sequence[Cut]) -> float:
         """Return the share of the time that is expected in a corner."""
         return min(
-            float(self._counts(tests, unit).sum()) / (self.copies * len(self.sample))
-            for unit in {test.unit for test in tests}
+            float(self._counts(cuts, unit).sum()) / (self.copies * len(self.sample))
+            for unit in {cut.unit for cut in cuts}
         )
 
     def corners(self, i: int, one: Grid, j: int, other: Grid) -> tuple[Seen, np.ndarray]:
@@ -132,17 +132,17 @@ class Expectation:
         )
         return Seen(seen, new), np.minimum(rolled, other_rolled) / (rows * self.copies)
 
-    def _counts(self, tests: Sequence[Test], rolled: int) -> np.ndarray:
+    def _counts(self, cuts: Sequence[Cut], rolled: int) -> np.ndarray:
         """Return (copies, clusters) rows in a corner where one unit is taken from elsewhere."""
-        inside = self._inside(tests, rolled) & self._free_rolled[rolled]
+        inside = self._inside(cuts, rolled) & self._free_rolled[rolled]
         count = self.sample.cluster_count
         keys = np.bincount(self._cluster_keys[inside], minlength=self.copies * count)
         return keys.reshape(self.copies, count)
 
-    def _inside(self, tests: Sequence[Test], rolled: int) -> np.ndarray:
+    def _inside(self, cuts: Sequence[Cut], rolled: int) -> np.ndarray:
         """Tell for each reference row of one rolled unit whether it is in a corner."""
-        own = [test for test in tests if test.unit == rolled]
-        others = [test for test in tests if test.unit != rolled]
+        own = [cut for cut in cuts if cut.unit == rolled]
+        others = [cut for cut in cuts if cut.unit != rolled]
         return self._rolled(self.sample.inside(own)) & self._tiled(self.sample.inside(others))
 
     def _rolled(self, column: np.ndarray) -> np.ndarray:

@@ -88,9 +88,9 @@ def group_rules(rules: Sequence[ConditionalRule]) -> list[list[ConditionalRule]]
 
 def safe_tree(rules: Sequence[ConditionalRule]) -> Split:
     """Return the tree whose leaves are exactly where none of some rules is true."""
-    tree = _grow(frozenset(frozenset(map(_Half.of, rule.literals)) for rule in rules))
-    assert isinstance(tree, Split), 'a rule has literals'
-    return tree
+    halves = frozenset(frozenset(map(_Half.of, rule.literals)) for rule in rules)
+    tree = _grow(halves)
+    return tree if isinstance(tree, Split) else Split(_next_feature(halves), ())
 
 
 @dataclass(frozen=True)

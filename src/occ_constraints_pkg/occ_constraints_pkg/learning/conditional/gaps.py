@@ -10,7 +10,7 @@ from occ_constraints_pkg.learning.conditional.acceptance import Found
 from occ_constraints_pkg.learning.conditional.corners import LOOKS
 from occ_constraints_pkg.learning.conditional.evidence import needed_evidence, visit_evidence
 from occ_constraints_pkg.learning.conditional.sample import Rows, Sample
-from occ_constraints_pkg.learning.conditional.units import ABOVE, BELOW, Test
+from occ_constraints_pkg.learning.conditional.units import ABOVE, BELOW, Cut
 
 _CELLS = 64
 # Share of the time on either side, within the gap's own width.
@@ -48,17 +48,17 @@ def close_on(found: Found, rows: Rows) -> Found | None:
         found: the gap.
         rows: on which nobody may be in it.
     """
-    lower, upper = found.tests
+    lower, upper = found.cuts
     values = rows.columns[lower.unit]
-    if rows.inside(found.tests).any():
+    if rows.inside(found.cuts).any():
         return None
     low, high = values[values <= lower.bound].max(), values[values >= upper.bound].min()
     pad = min(0.5, found.strip / found.evidence) * (high - low) / 2
-    tests = (
+    cuts = (
         lower._replace(bound=float(low + pad)),
         upper._replace(bound=float(high - pad)),
     )
-    return Found(tests, found.expected, 0.0, found.evidence, found.strip)
+    return Found(cuts, found.expected, 0.0, found.evidence, found.strip)
 
 
 def _widest_gap(sample: Sample, unit: int, needed: float) -> Found | None:
@@ -90,5 +90,5 @@ def _widest_gap(sample: Sample, unit: int, needed: float) -> Found | None:
         evidence = min(evidence, visit_evidence(visits[None], sample.cluster_shares, 0.0))
     if evidence < needed:
         return None
-    tests = (Test(unit, ABOVE, low), Test(unit, BELOW, high))
-    return Found(tests, float(beside[best]), 0.0, float(evidence), _STRIP)
+    cuts = (Cut(unit, ABOVE, low), Cut(unit, BELOW, high))
+    return Found(cuts, float(beside[best]), 0.0, float(evidence), _STRIP)

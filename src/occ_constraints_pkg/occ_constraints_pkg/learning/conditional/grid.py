@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from occ_constraints_pkg.learning.conditional.sample import Sample
-from occ_constraints_pkg.learning.conditional.units import ABOVE, BELOW, EQUAL, Test, Unit
+from occ_constraints_pkg.learning.conditional.units import ABOVE, BELOW, EQUAL, Cut, Unit
 
 # A literal that is true of a larger share of the time is no condition.
 WIDEST = 0.9
@@ -25,7 +25,7 @@ class Grid:
     Attributes:
         codes: (n,) int, the cell of each row.
         cells: how many cells there are.
-        tests: the literals.
+        cuts: the literals.
         sides: (t,) their sides.
         member: (t, cells) 1 where a cell lies within a literal, else 0.
         mass: (t,) share of the rows within each.
@@ -35,7 +35,7 @@ class Grid:
 
     codes: np.ndarray
     cells: int
-    tests: tuple[Test, ...]
+    cuts: tuple[Cut, ...]
     sides: np.ndarray
     member: np.ndarray
     mass: np.ndarray
@@ -45,7 +45,7 @@ class Grid:
     @property
     def orientations(self) -> int:
         """How many kinds of literals there are: each side, and each value of a discrete unit."""
-        return len({test.bound if test.side == EQUAL else (test.side,) for test in self.tests})
+        return len({cut.bound if cut.side == EQUAL else (cut.side,) for cut in self.cuts})
 
 
 def make_grid(sample: Sample, unit: int, cells: int) -> Grid:
@@ -60,22 +60,22 @@ def make_grid(sample: Sample, unit: int, cells: int) -> Grid:
     edges = _edges(column, described, cells)
     codes = np.searchsorted(edges, column, side='right').astype(np.int32)
     count = len(edges) + 1
-    tests, member = [], []
-    for test, true in _literals(unit, described, edges):
+    cuts, member = [], []
+    for cut, true in _literals(unit, described, edges):
         mass = np.bincount(codes, minlength=count) @ true / len(sample)
         if 0 < mass <= WIDEST:
-            tests.append(test)
+            cuts.append(cut)
             member.append(true)
-    table = np.array(member, dtype=np.float64).reshape(len(tests), count)
+    table = np.array(member, dtype=np.float64).reshape(len(cuts), count)
     return Grid(
         codes,
         count,
-        tuple(tests),
-        np.array([test.side for test in tests], dtype=np.int64),
+        tuple(cuts),
+        np.array([cut.side for cut in cuts], dtype=np.int64),
         table,
         table @ np.bincount(codes, minlength=count) / len(sample),
-        np.array([sample.volume(test) for test in tests]),
-        np.array([_core(sample, tests, test) for test in tests], dtype=np.int64),
+        np.array([sample.volume(cut) for cut in cuts]),
+        np.array([_core(sample, cuts, cut) for cut in cuts], dtype=np.int64),
     )
 
 
@@ -89,36 +89,36 @@ def _edges(column: np.ndarray, unit: Unit, cells: int) -> np.ndarray:
     return edges[edges > column.min()]
 
 
-def _literals(unit: int, described: Unit, edges: np.ndarray) -> list[tuple[Test, np.ndarray]]:
+def _literals(unit: int, described: Unit, edges: np.ndarray) -> list[tuple[Cut, np.ndarray]]:
     """Return each literal with the cells that it is true of."""
     cell = np.arange(len(edges) + 1)
     if described.kinds is not None:
         kinds = described.kinds
         last = len(kinds) - 1
         # At the ends, and next to them, a comparison says the same as equality or its opposite.
-        found = [(Test(unit, EQUAL, float(kind)), cell == at) for at, kind in enumerate(kinds)]
-        found += [(Test(unit, BELOW, float(kinds[at])), cell <= at) for at in range(1, last)]
-        found += [(Test(unit, ABOVE, float(kinds[at])), cell >= at) for at in range(1, last)]
+        found = [(Cut(unit, EQUAL, float(kind)), cell == at) for at, kind in enumerate(kinds)]
+        found += [(Cut(unit, BELOW, float(kinds[at])), cell <= at) for at in range(1, last)]
+        found += [(Cut(unit, ABOVE, float(kinds[at])), cell >= at) for at in range(1, last)]
         return found
     found = []
     if BELOW in described.sides:
-        found += [(Test(unit, BELOW, float(x)), cell <= at) for at, x in enumerate(edges)]
+        found += [(Cut(unit, BELOW, float(x)), cell <= at) for at, x in enumerate(edges)]
     if ABOVE in described.sides:
-        found += [(Test(unit, ABOVE, float(x)), cell > at) for at, x in enumerate(edges)]
+        found += [(Cut(unit, ABOVE, float(x)), cell > at) for at, x in enumerate(edges)]
     return found
 
 
-def _core(sample: Sample, tests: list[Test], test: Test) -> int:
-    """Return the position of the widest literal within half the depth of ``test``."""
-    wanted = sample.half_as_deep(test)
-    if wanted == test:
-        return tests.index(test)
+def _core(sample: Sample, cuts: list[Cut], cut: Cut) -> int:
+    """Return the position of the widest literal within half the depth of ``cut``."""
+    wanted = sample.half_as_deep(cut)
+    if wanted == cut:
+        return cuts.index(cut)
     within = [
         (other.bound, position)
-        for position, other in enumerate(tests)
-        if other.side == test.side
-        and (other.bound <= wanted.bound if test.side == BELOW else other.bound >= wanted.bound)
+        for position, other in enumerate(cuts)
+        if other.side == cut.side
+        and (other.bound <= wanted.bound if cut.side == BELOW else other.bound >= wanted.bound)
     ]
     if not within:
         return -1
-    return (max(within) if test.side == BELOW else min(within))[1]
+    return (max(within) if cut.side == BELOW else min(within))[1]

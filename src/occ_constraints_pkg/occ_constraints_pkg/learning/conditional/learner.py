@@ -212,10 +212,10 @@ def _screen(box: np.ndarray, table: _Table) -> np.ndarray:
         found = find_glitches(column, table.goes_on)
         if not unit.is_family:
             glitches += found
-        for test in flat_tails(number, unit, column, found):
-            columns, end = list(unit.columns), 0 if test.side == BELOW else 1
+        for cut in flat_tails(number, unit, column, found):
+            columns, end = list(unit.columns), 0 if cut.side == BELOW else 1
             tighter = np.maximum if end == 0 else np.minimum
-            box[columns, end] = tighter(box[columns, end], test.bound)
+            box[columns, end] = tighter(box[columns, end], cut.bound)
     return glitches > 1
 
 
@@ -258,8 +258,8 @@ def _conditional_rules(
         ConditionalRule(
             tuple(
                 literal
-                for test in rule.tests
-                for literal in units[test.unit].literals(test.side, test.bound)
+                for cut in rule.cuts
+                for literal in units[cut.unit].literals(cut.side, cut.bound)
             ),
             rule.expected,
             rule.seen,
@@ -276,18 +276,18 @@ def _settled(
     settled: list[Found] = []
     free = ~is_bad
     for rule in found:
-        rows = table.rows({test.unit for test in rule.tests})
+        rows = table.rows({cut.unit for cut in rule.cuts})
         if rule.is_gap:
             closed = close_on(rule, rows)
             if closed is not None:
                 settled.append(closed)
             continue
-        tests = rule.tests
+        cuts = rule.cuts
         if len(rows) > len(sample):
-            tests = place(sample, rows, free, tests, rule.evidence, rule.strip)
-        inside = rows.inside(tests)
+            cuts = place(sample, rows, free, cuts, rule.evidence, rule.strip)
+        inside = rows.inside(cuts)
         seen = float((inside & free).mean())
-        candidate = Found(tests, rule.expected, seen, rule.evidence, rule.strip)
+        candidate = Found(cuts, rule.expected, seen, rule.evidence, rule.strip)
         total = seen + sum(one.seen for one in settled)
         if total <= MOST_OUTSIDE and is_empty(sample, rows, candidate):
             settled.append(candidate)

@@ -18,7 +18,7 @@ from occ_constraints_pkg.learning.conditional.price import (
     worth,
 )
 from occ_constraints_pkg.learning.conditional.sample import Rows, Sample
-from occ_constraints_pkg.learning.conditional.units import BELOW, EQUAL, Test
+from occ_constraints_pkg.learning.conditional.units import BELOW, EQUAL, Cut
 
 # Independent visits that were expected between a bound and the data.
 _STRIP = 1.0
@@ -33,10 +33,10 @@ def place(
     sample: Sample,
     rows: Rows,
     free: np.ndarray,
-    tests: Sequence[Test],
+    cuts: Sequence[Cut],
     evidence: float,
     strip: float = _STRIP,
-) -> tuple[Test, ...]:
+) -> tuple[Cut, ...]:
     """Put each bound where the corner is worth most, then back by a strip.
 
     Each bound in turn, the others as they are, moves over the values of the rows that are in the
@@ -48,26 +48,26 @@ def place(
         sample: the searched rows, which say how values are distributed.
         rows: the rows that the bounds are placed on.
         free: (n,) bool, which of them are in no earlier rule.
-        tests: the corner's literals.
+        cuts: the corner's literals.
         evidence: independent visits that were expected in the corner.
         strip: of them, as many lie in the strip.
     """
-    bad = bad_density(sample, rows, tests)
-    placed = list(tests)
+    bad = bad_density(sample, rows, cuts)
+    placed = list(cuts)
     for _ in range(_ROUNDS):
-        for position, test in enumerate(placed):
-            if _is_movable(sample, test):
-                others = [other for other in placed if other is not test]
-                placed[position] = _best(sample, rows, free, test, others, bad)
-    return tuple(_back(sample, test, strip / max(evidence, 1e-9)) for test in placed)
+        for position, cut in enumerate(placed):
+            if _is_movable(sample, cut):
+                others = [other for other in placed if other is not cut]
+                placed[position] = _best(sample, rows, free, cut, others, bad)
+    return tuple(_back(sample, cut, strip / max(evidence, 1e-9)) for cut in placed)
 
 
-def bad_density(sample: Sample, rows: Rows, tests: Sequence[Test]) -> float:
+def bad_density(sample: Sample, rows: Rows, cuts: Sequence[Cut]) -> float:
     """Return the share of the rows, per volume, that lie half as deep in a corner.
 
     None of them is bad, so the density 0, unless they are isolated in time.
     """
-    inner = [sample.half_as_deep(test) for test in tests]
+    inner = [sample.half_as_deep(cut) for cut in cuts]
     inside = rows.inside(inner)
     count = int(inside.sum())
     if not is_isolated(count, count - rows.stays(inner, inside)):
@@ -75,25 +75,25 @@ def bad_density(sample: Sample, rows: Rows, tests: Sequence[Test]) -> float:
     return float(bad_share(count, len(rows), sample.volume_of(inner)))
 
 
-def _is_movable(sample: Sample, test: Test) -> bool:
-    return test.side != EQUAL and not sample.units[test.unit].is_discrete
+def _is_movable(sample: Sample, cut: Cut) -> bool:
+    return cut.side != EQUAL and not sample.units[cut.unit].is_discrete
 
 
 def _best(
     sample: Sample,
     rows: Rows,
     free: np.ndarray,
-    test: Test,
-    others: Sequence[Test],
+    cut: Cut,
+    others: Sequence[Cut],
     bad: float,
-) -> Test:
+) -> Cut:
     """Return a literal with its bound where the corner is worth most, the others as they are."""
     inside = rows.inside(others)
     # Mirrored if need be, so that the corner lies below.
-    sign = 1.0 if test.side == BELOW else -1.0
-    values, new = sign * rows.columns[test.unit][inside], free[inside]
+    sign = 1.0 if cut.side == BELOW else -1.0
+    values, new = sign * rows.columns[cut.unit][inside], free[inside]
     if not len(values):
-        return test
+        return cut
     room = int(MOST_BAD * len(rows)) + 2
     order = np.argpartition(values, room - 1)[:room] if len(values) > room else slice(None)
     values, new = values[order], new[order]
@@ -101,7 +101,7 @@ def _best(
     values, new = values[order], new[order]
     # At a value, only what lies below it is in the corner; equal values go together.
     first = np.searchsorted(values, values, side='left')
-    ordered = sample.ordered[test.unit] if sign > 0 else -sample.ordered[test.unit][::-1]
+    ordered = sample.ordered[cut.unit] if sign > 0 else -sample.ordered[cut.unit][::-1]
     mass = np.searchsorted(ordered, values, side='left') / len(sample)
     depth = np.clip((values - ordered[0]) / (ordered[-1] - ordered[0]), 0.0, 1.0)
     gain = worth(
@@ -112,26 +112,26 @@ def _best(
     )
     gain[mass > WIDEST] = -np.inf
     best = int(gain.argmax())
-    return test if np.isneginf(gain[best]) else test._replace(bound=float(sign * values[best]))
+    return cut if np.isneginf(gain[best]) else cut._replace(bound=float(sign * values[best]))
 
 
-def _back(sample: Sample, test: Test, share: float) -> Test:
+def _back(sample: Sample, cut: Cut, share: float) -> Cut:
     """Return a literal whose bound has stepped back by a share of its mass, and is rounded.
 
     Rounded into the corner, to about a thousandth of the range.
     """
-    if not _is_movable(sample, test):
-        return test
-    ordered, last = sample.ordered[test.unit], len(sample) - 1
+    if not _is_movable(sample, cut):
+        return cut
+    ordered, last = sample.ordered[cut.unit], len(sample) - 1
     kept = 1 - min(_WIDEST_STRIP, share)
-    if test.side == BELOW:
-        mass = int(np.searchsorted(ordered, test.bound, side='left') * kept)
-        bound = min(test.bound, float(ordered[min(mass, last)]))
+    if cut.side == BELOW:
+        mass = int(np.searchsorted(ordered, cut.bound, side='left') * kept)
+        bound = min(cut.bound, float(ordered[min(mass, last)]))
     else:
-        mass = int((len(sample) - np.searchsorted(ordered, test.bound, side='right')) * kept)
-        bound = max(test.bound, float(ordered[max(last - mass, 0)]))
-    rounded = _rounded(ordered, bound, test.side)
-    return test._replace(bound=rounded if ordered[0] < rounded < ordered[-1] else bound)
+        mass = int((len(sample) - np.searchsorted(ordered, cut.bound, side='right')) * kept)
+        bound = max(cut.bound, float(ordered[max(last - mass, 0)]))
+    rounded = _rounded(ordered, bound, cut.side)
+    return cut._replace(bound=rounded if ordered[0] < rounded < ordered[-1] else bound)
 
 
 def _rounded(ordered: np.ndarray, bound: float, side: int) -> float:

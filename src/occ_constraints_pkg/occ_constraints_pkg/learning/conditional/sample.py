@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from occ_constraints_pkg.learning.conditional.units import BELOW, EQUAL, Test, Unit
+from occ_constraints_pkg.learning.conditional.units import BELOW, EQUAL, Cut, Unit
 
 MOST_ROWS = 40_000
 """Rows that are searched at most."""
@@ -50,29 +50,29 @@ class Rows:
             self._goes_on[chosen],
         )
 
-    def stays(self, tests: Iterable[Test], inside: np.ndarray) -> int:
+    def stays(self, cuts: Iterable[Cut], inside: np.ndarray) -> int:
         """Return in how many of the rows in a corner the next sample is in it, too.
 
         Args:
-            tests: the corner's literals.
+            cuts: the corner's literals.
             inside: (n,) bool, the rows in it.
         """
         rows = np.flatnonzero(inside & self._goes_on)
         still = np.ones(len(rows), dtype=bool)
-        for test in tests:
-            values = self._following[test.unit][rows]
-            still &= self.units[test.unit].is_true(values, test.side, test.bound)
+        for cut in cuts:
+            values = self._following[cut.unit][rows]
+            still &= self.units[cut.unit].is_true(values, cut.side, cut.bound)
         return int(still.sum())
 
-    def is_true(self, test: Test) -> np.ndarray:
+    def is_true(self, cut: Cut) -> np.ndarray:
         """Tell for each row whether one literal is true: (n,) bool."""
-        return self.units[test.unit].is_true(self.columns[test.unit], test.side, test.bound)
+        return self.units[cut.unit].is_true(self.columns[cut.unit], cut.side, cut.bound)
 
-    def inside(self, tests: Iterable[Test]) -> np.ndarray:
+    def inside(self, cuts: Iterable[Cut]) -> np.ndarray:
         """Tell for each row whether all of some literals are true: (n,) bool."""
         found = np.ones(len(self), dtype=bool)
-        for test in tests:
-            found &= self.is_true(test)
+        for cut in cuts:
+            found &= self.is_true(cut)
         return found
 
 
@@ -121,21 +121,21 @@ class Sample(Rows):
             out.append(rank)
         return out
 
-    def volume(self, test: Test) -> float:
+    def volume(self, cut: Cut) -> float:
         """Return the share of its unit's range that a literal takes; of samples, if discrete."""
-        if self.units[test.unit].is_discrete:
-            return float(self.is_true(test).mean())
-        low, high = self.ranges[test.unit]
-        depth = test.bound - low if test.side == BELOW else high - test.bound
+        if self.units[cut.unit].is_discrete:
+            return float(self.is_true(cut).mean())
+        low, high = self.ranges[cut.unit]
+        depth = cut.bound - low if cut.side == BELOW else high - cut.bound
         return max(0.0, depth) / (high - low)
 
-    def volume_of(self, tests: Iterable[Test]) -> float:
+    def volume_of(self, cuts: Iterable[Cut]) -> float:
         """Return the share of the units' ranges that a corner takes."""
-        return float(np.prod([self.volume(test) for test in tests]))
+        return float(np.prod([self.volume(cut) for cut in cuts]))
 
-    def half_as_deep(self, test: Test) -> Test:
+    def half_as_deep(self, cut: Cut) -> Cut:
         """Return the literal that reaches half as deep; of discrete values the same."""
-        if test.side == EQUAL or self.units[test.unit].is_discrete:
-            return test
-        end = self.ranges[test.unit][0 if test.side == BELOW else 1]
-        return test._replace(bound=(end + test.bound) / 2)
+        if cut.side == EQUAL or self.units[cut.unit].is_discrete:
+            return cut
+        end = self.ranges[cut.unit][0 if cut.side == BELOW else 1]
+        return cut._replace(bound=(end + cut.bound) / 2)

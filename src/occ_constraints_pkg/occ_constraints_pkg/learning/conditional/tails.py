@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from occ_constraints_pkg.learning.conditional.price import MOST_BAD
-from occ_constraints_pkg.learning.conditional.units import BELOW, Test, Unit
+from occ_constraints_pkg.learning.conditional.units import BELOW, Cut, Unit
 
 _CELLS = 128
 _NARROWEST, _WIDEST = 4, 64
@@ -50,7 +50,7 @@ def find_glitches(column: np.ndarray, goes_on: np.ndarray) -> np.ndarray:
     return glitches
 
 
-def flat_tails(unit: int, described: Unit, column: np.ndarray, is_glitch: np.ndarray) -> list[Test]:
+def flat_tails(unit: int, described: Unit, column: np.ndarray, is_glitch: np.ndarray) -> list[Cut]:
     """Return the bounds, at most one on each side, beyond which a unit has only bad samples.
 
     Args:
@@ -65,7 +65,7 @@ def flat_tails(unit: int, described: Unit, column: np.ndarray, is_glitch: np.nda
             sign = 1.0 if side == BELOW else -1.0
             bound = _start(sign * column, is_glitch)
             if bound is not None:
-                bounds.append(Test(unit, side, sign * bound))
+                bounds.append(Cut(unit, side, sign * bound))
     return bounds
 
 

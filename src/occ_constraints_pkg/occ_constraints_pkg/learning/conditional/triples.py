@@ -17,7 +17,7 @@ from occ_constraints_pkg.learning.conditional.expectation import Expectation
 from occ_constraints_pkg.learning.conditional.grid import Grid, make_grid
 from occ_constraints_pkg.learning.conditional.price import Seen, bad_share, worth
 from occ_constraints_pkg.learning.conditional.sample import Sample
-from occ_constraints_pkg.learning.conditional.units import Test
+from occ_constraints_pkg.learning.conditional.units import Cut
 
 MOST_UNITS = 30
 """Among more units than this, no triple is looked for: there would be too many of them."""
@@ -64,7 +64,7 @@ def find_triples(
         three
         for three in combinations(range(len(grids)), 3)
         if all(pair in known for pair in combinations(three, 2))
-        and all(grids[unit].tests for unit in three)
+        and all(grids[unit].cuts for unit in three)
     ]
     looks = LOOKS * sum(
         float(np.prod([grids[unit].orientations for unit in three])) for three in triples
@@ -77,33 +77,33 @@ def find_triples(
         best = int(gain.argmax())
         if gain.flat[best] > _LEAST_ON_GRID:
             at = np.unravel_index(best, gain.shape)
-            tests = tuple(
-                grids[unit].tests[position] for unit, position in zip(three, at, strict=True)
+            cuts = tuple(
+                grids[unit].cuts[position] for unit, position in zip(three, at, strict=True)
             )
-            candidates.append((float(gain.flat[best]), tests))
+            candidates.append((float(gain.flat[best]), cuts))
     candidates.sort(key=lambda candidate: -candidate[0])
     acceptance = Acceptance(sample, expectation, correlation)
-    for _, tests in candidates[:_MOST_CANDIDATES]:
+    for _, cuts in candidates[:_MOST_CANDIDATES]:
         if len(found) >= most_rules:
             break
-        rule = _judge(acceptance, expectation, tests, needed, found)
+        rule = _judge(acceptance, expectation, cuts, needed, found)
         if rule is not None:
             found.append(rule)
-            expectation.forbid([rule.tests for rule in found])
+            expectation.forbid([rule.cuts for rule in found])
     return found
 
 
 def _judge(
     acceptance: Acceptance,
     expectation: Expectation,
-    tests: tuple[Test, ...],
+    cuts: tuple[Cut, ...],
     needed: float,
     found: Sequence[Found],
 ) -> Found | None:
-    if expectation.share(tests) < _LEAST:
+    if expectation.share(cuts) < _LEAST:
         return None
     seen = sum(rule.seen for rule in found)
-    return acceptance.judge(tests, needed, _LEAST, seen, proven=False)
+    return acceptance.judge(cuts, needed, _LEAST, seen, proven=False)
 
 
 def _joint(grids: Sequence[Grid], pair: tuple[int, int], rows: int) -> np.ndarray:

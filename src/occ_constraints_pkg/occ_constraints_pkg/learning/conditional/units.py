@@ -21,7 +21,7 @@ BELOW, EQUAL, ABOVE = -1, 0, 1
 _SOME = 4096
 
 
-class Test(NamedTuple):
+class Cut(NamedTuple):
     """A literal during the search.
 
     Attributes:
@@ -82,7 +82,7 @@ class Unit:
         return values < bound if side == BELOW else values > bound
 
     def literals(self, side: int, bound: float) -> tuple[Literal, ...]:
-        """Return what a test says as literals: two if a discrete feature equals a value."""
+        """Return what a cut says as literals: two if a discrete feature equals a value."""
         family = self.name if self.is_family else ''
         if side == EQUAL:
             return Literal(self.columns, '>=', bound), Literal(self.columns, '<=', bound)

@@ -57,7 +57,7 @@ def learn_conditional(
         OccError: shapes do not fit, a value is not finite, or a name is unknown.
     """
     settings = settings if settings is not None else ConditionalSettings()
-    values, episodes = _checked(values, episodes, features, recordings)
+    values, episodes = _checked(values, episodes, features, bounds, recordings)
     families = families_of(features)
     demonstrated = demonstrated_ranges(values, list(families.values()))
     box = np.array(bounds, dtype=np.float64)
@@ -137,6 +137,7 @@ def _checked(
     values: np.ndarray,
     episodes: np.ndarray,
     features: Sequence[Feature],
+    bounds: np.ndarray,
     recordings: np.ndarray | None,
 ) -> tuple[np.ndarray, np.ndarray]:
     rows = np.asarray(values, dtype=np.float64)
@@ -147,6 +148,8 @@ def _checked(
     for name, labels in (('episodes', episodes), ('recordings', recordings)):
         if labels is not None and np.shape(labels) != (len(rows),):
             raise OccError(f'{name} have shape {np.shape(labels)}; allowed is ({len(rows)},)')
+    if np.shape(bounds) != (len(features), 2):
+        raise OccError(f'bounds have shape {np.shape(bounds)}; allowed is ({len(features)}, 2)')
     with np.errstate(over='ignore', invalid='ignore'):
         glance = rows.sum()
     if not np.isfinite(glance) and not np.isfinite(rows).all():

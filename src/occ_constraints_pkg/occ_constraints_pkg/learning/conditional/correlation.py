@@ -22,7 +22,7 @@ from occ_constraints_pkg.learning.conditional.units import ABOVE, BELOW, Cut
 
 # Beyond this the integral needs more points than it has.
 _STRONGEST = 0.9999
-_POINTS = 24
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
 # Features that share more information, in nats, all but determine each other. Rules that
 # demonstrators keep come to about 0.4, a Gaussian correlation of 0.9 to 0.7, a circle to 0.9.
 _DETERMINED = 0.75
@@ -39,9 +39,8 @@ def gaussian_corner(lower: np.ndarray, other: np.ndarray, rho: float) -> np.ndar
         other: (b,) v within 0 to 1.
         rho: correlation.
     """
-    nodes, weights = np.polynomial.legendre.leggauss(_POINTS)
     angle = np.arcsin(rho)
-    t, weights = angle * (nodes + 1) / 2, weights * angle / 2
+    t, weights = angle * (_NODES + 1) / 2, _WEIGHTS * angle / 2
     h, k = ndtri(lower)[:, None, None], ndtri(other)[None, :, None]
     with np.errstate(invalid='ignore'):
         density = np.exp(-(h * h + k * k - 2 * np.sin(t) * h * k) / (2 * np.cos(t) ** 2))
@@ -56,6 +55,7 @@ class CorrelationNull:
         self._sample = sample
         self._known: dict[tuple[int, int], float] = {}
         self._information: dict[tuple[int, int], float] = {}
+        self._cells_of: dict[int, tuple[np.ndarray, int]] = {}
 
     def applies(self, i: int, j: int) -> bool:
         """Tell whether both units are continuous."""
@@ -88,9 +88,12 @@ class CorrelationNull:
 
     def _cells(self, unit: int) -> tuple[np.ndarray, int]:
         """Return the cell of each row, of about equal mass, and how many cells there are."""
-        ordered = self._sample.ordered[unit]
-        edges = np.unique(ordered[len(ordered) * np.arange(1, _CELLS) // _CELLS])
-        return np.searchsorted(edges, self._sample.columns[unit], side='right'), len(edges) + 1
+        if unit not in self._cells_of:
+            ordered, column = self._sample.ordered[unit], self._sample.columns[unit]
+            edges = np.unique(ordered[len(ordered) * np.arange(1, _CELLS) // _CELLS])
+            cells = np.searchsorted(edges, column, side='right')
+            self._cells_of[unit] = cells, len(edges) + 1
+        return self._cells_of[unit]
 
     def share(self, i: int, j: int, one: Grid, other: Grid) -> np.ndarray:
         """Return what correlation leaves of each corner's mass under independence.

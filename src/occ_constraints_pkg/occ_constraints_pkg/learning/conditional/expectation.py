@@ -48,9 +48,10 @@ class Expectation:
         self.sample = sample
         rows = len(sample)
         self.copies = max(1, min(_MOST_COPIES, -(-_REFERENCE_ROWS // rows)))
-        self._shifts = [
+        shifts = [
             int(rows * (0.1 + 0.8 * ((copy + 1) * _GOLDEN % 1))) for copy in range(self.copies)
         ]
+        self._elsewhere = np.concatenate([(np.arange(rows) - shift) % rows for shift in shifts])
         self._cluster_keys = np.concatenate(
             [sample.clusters + copy * sample.cluster_count for copy in range(self.copies)]
         )
@@ -146,7 +147,7 @@ class Expectation:
         return self._rolled(self.sample.inside(own)) & self._tiled(self.sample.inside(others))
 
     def _rolled(self, column: np.ndarray) -> np.ndarray:
-        return np.concatenate([np.roll(column, shift) for shift in self._shifts])
+        return column[self._elsewhere]
 
     def _tiled(self, column: np.ndarray) -> np.ndarray:
         return np.tile(column, self.copies)

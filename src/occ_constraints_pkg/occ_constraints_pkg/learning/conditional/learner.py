@@ -63,13 +63,13 @@ def learn_conditional(
     box = np.array(bounds, dtype=np.float64)
     units = make_units(values, features)
     clusters = episodes if recordings is None else np.asarray(recordings)
-    table = _Table(values, units, _by_episode(episodes, _inside(values, box)), episodes)
+    table = _Table(values, units, _by_episode(episodes, _inside(values, box, demonstrated)), episodes)
     if settings.outside is not None:
         _move_outward(box, demonstrated, values, episodes, features, units, settings.outside)
     is_bad = _screen(box, table)
     rules: tuple[ConditionalRule, ...] = ()
     if settings.conditions != 'none' and units and len(table):
-        kept = _inside(values, box)[table.order]
+        kept = _inside(values, box, demonstrated)[table.order]
         table = _Table(values, units, table.order[kept], episodes)
         rules = _conditional_rules(table, is_bad[kept], clusters, features, settings)
     return LearnedRules(box, demonstrated, rules)
@@ -172,11 +172,19 @@ def _by_episode(episodes: np.ndarray, inside: np.ndarray) -> np.ndarray:
     return rows[np.argsort(labels, kind='stable')]
 
 
-def _inside(values: np.ndarray, box: np.ndarray) -> np.ndarray:
-    """Tell for each of (n, k) samples whether it is in a box: (n,) bool."""
+def _inside(values: np.ndarray, box: np.ndarray, demonstrated: np.ndarray) -> np.ndarray:
+    """Tell for each of (n, k) samples whether it is in a box: (n,) bool.
+
+    Args:
+        values: the samples.
+        box: (k, 2) bounds.
+        demonstrated: (k, 2) ranges; a feature whose bounds lie beyond has nothing outside.
+    """
     inside = np.ones(len(values), dtype=bool)
-    for column, (low, high) in zip(values.T, box, strict=True):
-        inside &= (column >= low) & (column <= high)
+    beyond = (box[:, 0] <= demonstrated[:, 0]) & (box[:, 1] >= demonstrated[:, 1])
+    for column in np.flatnonzero(~beyond):
+        low, high = box[column]
+        inside &= (values[:, column] >= low) & (values[:, column] <= high)
     return inside
 
 

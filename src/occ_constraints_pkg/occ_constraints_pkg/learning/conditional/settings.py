@@ -31,7 +31,7 @@ class ConditionalSettings:
 
     conditions: str = 'triples'
     apart: tuple[tuple[str, str], ...] = ()
-    delta: float = 0.001
+    delta: float = 0.01
     most_rules: int = 16
     outside: float | None = 0.01
 

@@ -63,7 +63,9 @@ def learn_conditional(
     box = np.array(bounds, dtype=np.float64)
     units = make_units(values, features)
     clusters = episodes if recordings is None else np.asarray(recordings)
-    table = _Table(values, units, _by_episode(episodes, _inside(values, box, demonstrated)), episodes)
+    table = _Table(
+        values, units, _by_episode(episodes, _inside(values, box, demonstrated)), episodes
+    )
     if settings.outside is not None:
         _move_outward(box, demonstrated, values, episodes, features, units, settings.outside)
     is_bad = _screen(box, table)

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
@@ -22,7 +22,8 @@ from occ_constraints_pkg.learning.conditional.units import Cut
 MOST_UNITS = 30
 """Among more units than this, no triple is looked for: there would be too many of them."""
 
-_CELLS = 8
+# Cells for the first look at all triples, and for the second look at the best of them.
+_CELLS, _FINE_CELLS = 8, 24
 _LEAST = 0.01
 # Cells are wide, so that the best corner on them may be worth less than the rule will be.
 _LEAST_ON_GRID = 0.005
@@ -58,7 +59,7 @@ def find_triples(
     found = list(found)
     if len(sample.units) > MOST_UNITS:
         return found
-    grids = [make_grid(sample, unit, _CELLS) for unit in range(len(sample.units))]
+    grids = {unit: make_grid(sample, unit, _CELLS) for unit in range(len(sample.units))}
     known = {pair for pair in pairs if not correlation.is_determined(*pair)}
     triples = [
         three
@@ -70,27 +71,42 @@ def find_triples(
         float(np.prod([grids[unit].orientations for unit in three])) for three in triples
     )
     needed = needed_evidence(looks + looks_at_pairs, delta)
-    joint = {pair: _joint(grids, pair, len(sample)) for pair in pairs}
+    joint = {pair: _joint(grids, pair, len(sample)) for pair in known}
     candidates = []
     for three in triples:
         gain = _gain(grids, three, joint, len(sample))
-        best = int(gain.argmax())
-        if gain.flat[best] > _LEAST_ON_GRID:
-            at = np.unravel_index(best, gain.shape)
-            cuts = tuple(
-                grids[unit].cuts[position] for unit, position in zip(three, at, strict=True)
-            )
-            candidates.append((float(gain.flat[best]), cuts))
+        best = float(gain.max())
+        if best > _LEAST_ON_GRID:
+            candidates.append((best, three))
     candidates.sort(key=lambda candidate: -candidate[0])
+    fine: dict[int, Grid] = {}
     acceptance = Acceptance(sample, expectation, correlation)
-    for _, cuts in candidates[:_MOST_CANDIDATES]:
+    for _, three in candidates[:_MOST_CANDIDATES]:
         if len(found) >= most_rules:
             break
+        cuts = _refined(sample, fine, three)
         rule = _judge(acceptance, expectation, cuts, needed, found)
         if rule is not None:
             found.append(rule)
             expectation.forbid([rule.cuts for rule in found])
     return found
+
+
+def _refined(sample: Sample, fine: dict[int, Grid], three: tuple[int, int, int]) -> tuple[Cut, ...]:
+    """Return the best corner of three units on finer cells.
+
+    Args:
+        sample: the rows.
+        fine: finer grids by unit; those that are missing are added.
+        three: the units.
+    """
+    for unit in three:
+        if unit not in fine:
+            fine[unit] = make_grid(sample, unit, _FINE_CELLS)
+    joint = {pair: _joint(fine, pair, len(sample)) for pair in combinations(three, 2)}
+    gain = _gain(fine, three, joint, len(sample))
+    at = np.unravel_index(int(gain.argmax()), gain.shape)
+    return tuple(fine[unit].cuts[position] for unit, position in zip(three, at, strict=True))
 
 
 def _judge(
@@ -106,7 +122,7 @@ def _judge(
     return acceptance.judge(cuts, needed, _LEAST, seen, proven=False)
 
 
-def _joint(grids: Sequence[Grid], pair: tuple[int, int], rows: int) -> np.ndarray:
+def _joint(grids: Mapping[int, Grid], pair: tuple[int, int], rows: int) -> np.ndarray:
     """Return the share of the rows in each corner of two units."""
     one, other = (grids[unit] for unit in pair)
     counts = np.bincount(one.codes * other.cells + other.codes, minlength=one.cells * other.cells)
@@ -114,7 +130,7 @@ def _joint(grids: Sequence[Grid], pair: tuple[int, int], rows: int) -> np.ndarra
 
 
 def _gain(
-    grids: Sequence[Grid],
+    grids: Mapping[int, Grid],
     three: tuple[int, int, int],
     joint: dict[tuple[int, int], np.ndarray],
     rows: int,

@@ -40,9 +40,9 @@ def probes(rules, rng, rows=300):
     """Return samples on bounds, on their neighbours, and far off."""
     bounds = [literal.bound for rule in rules for literal in rule.literals]
     values = np.array([*bounds, -1e308, 1e308, 0.0, -0.0])
-    values = np.unique(
-        np.concatenate([values, np.nextafter(values, -np.inf), np.nextafter(values, np.inf)])
-    )
+    with np.errstate(over='ignore'):
+        beside = [np.nextafter(values, -np.inf), np.nextafter(values, np.inf)]
+    values = np.unique(np.concatenate([values, *beside]))
     return rng.choice(values[np.isfinite(values)], size=(rows, FEATURES))
 
 

@@ -10,20 +10,22 @@ import numpy as np
 
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.learning.conditional.acceptance import MOST_OUTSIDE, Found, is_empty
+from occ_constraints_pkg.learning.conditional.bounds import (
+    demonstrated_ranges,
+    fit_box,
+    inside_box,
+)
 from occ_constraints_pkg.learning.conditional.corners import CornerSearch
 from occ_constraints_pkg.learning.conditional.correlation import CorrelationNull
 from occ_constraints_pkg.learning.conditional.expectation import Expectation
 from occ_constraints_pkg.learning.conditional.gaps import close_on, find_gaps
-from occ_constraints_pkg.learning.conditional.margins import outward_margins
 from occ_constraints_pkg.learning.conditional.placing import place
 from occ_constraints_pkg.learning.conditional.rules import ConditionalRule, Feature, LearnedRules
-from occ_constraints_pkg.learning.conditional.sample import MOST_ROWS, Rows, Sample
+from occ_constraints_pkg.learning.conditional.sample import Sample
 from occ_constraints_pkg.learning.conditional.settings import ConditionalSettings
-from occ_constraints_pkg.learning.conditional.tails import find_glitches, flat_tails
+from occ_constraints_pkg.learning.conditional.table import Table
 from occ_constraints_pkg.learning.conditional.triples import find_triples
 from occ_constraints_pkg.learning.conditional.units import (
-    BELOW,
-    Unit,
     families_of,
     make_units,
     pairs_of,
@@ -48,8 +50,8 @@ def learn_conditional(
         features: k descriptions.
         settings: ``None`` for the defaults.
         bounds: (k, 2) the box that a learner of boxes found: smallest and largest safe value of
-            each feature. Bounds at the demonstrated minimum and maximum move outward; the others
-            stay.
+            each feature. They are moved, see
+            :func:`~occ_constraints_pkg.learning.conditional.bounds.fit_box`.
         recordings: (n,) the recording of each sample, where several episodes share one: what
             happens in one recording proves things only once. ``None``: episodes are independent.
 
@@ -58,81 +60,20 @@ def learn_conditional(
     """
     settings = settings if settings is not None else ConditionalSettings()
     values, episodes = _checked(values, episodes, features, bounds, recordings)
-    families = families_of(features)
-    demonstrated = demonstrated_ranges(values, list(families.values()))
-    box = np.array(bounds, dtype=np.float64)
     units = make_units(values, features)
-    clusters = episodes if recordings is None else np.asarray(recordings)
-    table = _Table(
-        values, units, _by_episode(episodes, _inside(values, box, demonstrated)), episodes
-    )
-    if settings.outside is not None:
-        _move_outward(box, demonstrated, values, episodes, features, units, settings.outside)
-    is_bad = _screen(box, table)
+    table = Table(values, units, _by_episode(episodes), episodes)
+    limits = np.array([(feature.low, feature.high) for feature in features])
+    groups = [*families_of(features).values(), *((one,) for one in range(len(features)))]
+    demonstrated = demonstrated_ranges(values, groups)
+    box, is_bad = fit_box(table, bounds, demonstrated, limits, settings.outside)
     rules: tuple[ConditionalRule, ...] = ()
-    if settings.conditions != 'none' and units and len(table):
-        kept = _inside(values, box, demonstrated)[table.order]
-        table = _Table(values, units, table.order[kept], episodes)
-        rules = _conditional_rules(table, is_bad[kept], clusters, features, settings)
+    if settings.conditions != 'none' and units:
+        kept = inside_box(values, box, demonstrated)[table.order]
+        table = Table(values, units, table.order[kept], episodes)
+        if not is_bad[kept].all():
+            clusters = episodes if recordings is None else np.asarray(recordings)
+            rules = _conditional_rules(table, is_bad[kept], clusters, features, settings)
     return LearnedRules(box, demonstrated, rules)
-
-
-def demonstrated_ranges(values: np.ndarray, families: Sequence[Sequence[int]]) -> np.ndarray:
-    """Return the (k, 2) smallest and largest values; members of a family share them."""
-    ranges = np.stack([values.min(axis=0), values.max(axis=0)], axis=1)
-    for family in map(list, families):
-        ranges[family] = ranges[family, 0].min(), ranges[family, 1].max()
-    return ranges
-
-
-class _Table:
-    """Rows in the order of time; columns are copied when they are asked for.
-
-    Attributes:
-        units: what the rows have values of.
-        order: (n,) positions of the rows among the samples.
-        goes_on: (n,) bool, whether the next row is the next one of the same episode.
-    """
-
-    def __init__(
-        self,
-        values: np.ndarray,
-        units: Sequence[Unit],
-        order: np.ndarray,
-        episodes: np.ndarray,
-    ) -> None:
-        self.units = units
-        self.order = order
-        labels = episodes[order]
-        self.goes_on = np.append(labels[1:] == labels[:-1], False)[: len(order)]
-        self._values = values
-
-    def __len__(self) -> int:
-        return len(self.order)
-
-    def column(self, unit: int) -> np.ndarray:
-        return self.units[unit].of(self._values)[self.order]
-
-    def rows(self, needed: set[int]) -> Rows:
-        """Return all rows, with the values of some units."""
-        empty = np.empty(0)
-        columns = [
-            self.column(unit) if unit in needed else empty for unit in range(len(self.units))
-        ]
-        following = [column[1:] for column in columns]
-        return Rows(self.units, columns, following, self.goes_on)
-
-    def sample(self, is_bad: np.ndarray, clusters: np.ndarray) -> Sample:
-        """Return some of the rows that are not bad, evenly chosen."""
-        good = np.flatnonzero(~is_bad)
-        chosen = good[:: max(1, -(-len(good) // MOST_ROWS))]
-        later = np.minimum(chosen + 1, len(self) - 1)
-        columns, following = (
-            [unit.of(self._values[self.order[rows]]) for unit in self.units]
-            for rows in (chosen, later)
-        )
-        labels = clusters[self.order[chosen]]
-        return Sample(self.units, columns, following, self.goes_on[chosen], labels)
 
 
 def _checked(
@@ -163,84 +104,22 @@ def _checked(
     return rows, np.asarray(episodes)
 
 
-def _by_episode(episodes: np.ndarray, inside: np.ndarray) -> np.ndarray:
-    """Return the positions of the rows inside, episode after episode."""
-    rows = np.flatnonzero(inside)
-    labels = episodes[rows]
+def _by_episode(episodes: np.ndarray) -> np.ndarray:
+    """Return the positions of the rows, episode after episode."""
     # Whole episodes one after the other are in order already, whatever they are called.
-    changes = np.flatnonzero(labels[1:] != labels[:-1])
-    if len(np.unique(labels)) == len(changes) + 1 or not len(rows):
-        return rows
-    return rows[np.argsort(labels, kind='stable')]
-
-
-def _inside(values: np.ndarray, box: np.ndarray, demonstrated: np.ndarray) -> np.ndarray:
-    """Tell for each of (n, k) samples whether it is in a box: (n,) bool.
-
-    Args:
-        values: the samples.
-        box: (k, 2) bounds.
-        demonstrated: (k, 2) ranges; a feature whose bounds lie beyond has nothing outside.
-    """
-    inside = np.ones(len(values), dtype=bool)
-    beyond = (box[:, 0] <= demonstrated[:, 0]) & (box[:, 1] >= demonstrated[:, 1])
-    for column in np.flatnonzero(~beyond):
-        low, high = box[column]
-        inside &= (values[:, column] >= low) & (values[:, column] <= high)
-    return inside
-
-
-def _move_outward(
-    box: np.ndarray,
-    demonstrated: np.ndarray,
-    values: np.ndarray,
-    episodes: np.ndarray,
-    features: Sequence[Feature],
-    units: Sequence[Unit],
-    outside: float,
-) -> None:
-    """Move bounds at the demonstrated minimum and maximum outward; changes ``box``."""
-    discrete = [unit.columns[0] for unit in units if unit.is_discrete]
-    together = list(families_of(features).values())
-    margins = outward_margins(values, episodes, together, outside, discrete)
-    lows = np.array([feature.low for feature in features])
-    highs = np.array([feature.high for feature in features])
-    at_low, at_high = box[:, 0] == demonstrated[:, 0], box[:, 1] == demonstrated[:, 1]
-    box[at_low, 0] = np.maximum(box[:, 0] - margins[:, 0], lows)[at_low]
-    box[at_high, 1] = np.minimum(box[:, 1] + margins[:, 1], highs)[at_high]
-
-
-def _screen(box: np.ndarray, table: _Table) -> np.ndarray:
-    """Move bounds inward where a tail is made of bad samples; changes ``box``.
-
-    Returns:
-        (n,) bool, the rows that are glitches in several features at once. One bad row puts all of
-        its features anywhere, so they seem to hang together.
-    """
-    glitches = np.zeros(len(table), dtype=np.int64)
-    for number, unit in enumerate(table.units):
-        if unit.is_discrete or not len(table):
-            continue
-        column = table.column(number)
-        found = find_glitches(column, table.goes_on)
-        if not unit.is_family:
-            glitches += found
-        for cut in flat_tails(number, unit, column, found):
-            columns, end = list(unit.columns), 0 if cut.side == BELOW else 1
-            tighter = np.maximum if end == 0 else np.minimum
-            box[columns, end] = tighter(box[columns, end], cut.bound)
-    return glitches > 1
+    changes = np.count_nonzero(episodes[1:] != episodes[:-1])
+    if len(np.unique(episodes)) == changes + 1:
+        return np.arange(len(episodes))
+    return np.argsort(episodes, kind='stable')
 
 
 def _conditional_rules(
-    table: _Table,
+    table: Table,
     is_bad: np.ndarray,
     clusters: np.ndarray,
     features: Sequence[Feature],
     settings: ConditionalSettings,
 ) -> tuple[ConditionalRule, ...]:
-    if is_bad.all():
-        return ()
     sample = table.sample(is_bad, clusters)
     units = table.units
     pairs = pairs_of(units, features, settings.apart)
@@ -283,7 +162,7 @@ def _conditional_rules(
 
 
 def _settled(
-    table: _Table, is_bad: np.ndarray, sample: Sample, found: Sequence[Found]
+    table: Table, is_bad: np.ndarray, sample: Sample, found: Sequence[Found]
 ) -> list[Found]:
     """Return the rules with their bounds placed on all rows; those go that do not hold there."""
     settled: list[Found] = []

@@ -11,7 +11,6 @@ to the same edge (a clearance that is kept), they hardly differ.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -20,56 +19,22 @@ _TAIL_SHARE = 0.2
 _FEWEST, _MOST = 3, 20
 
 
-def outward_margins(
-    values: np.ndarray,
-    episodes: np.ndarray,
-    families: Sequence[Sequence[int]],
-    outside: float,
-    discrete: Sequence[int] = (),
-) -> np.ndarray:
-    """Return how far each minimum and maximum moves out: (k, 2), 0 or more.
+def outward_margin(column: np.ndarray, episodes: np.ndarray, share: float) -> float:
+    """Return how far a maximum moves out, 0 or more.
 
     The time beyond a bound is thought to fall off exponentially, as tails do: with the time spent
     beyond the tail's beginning, and with the mean excess of the episodes' extremes over it.
 
     Args:
-        values: (n, k) samples.
-        episodes: (n,) the episode of each.
-        families: positions of features that share their bounds.
-        outside: share of the time that a fresh episode may spend beyond any bound; each bound has
-            an equal part.
-        discrete: positions of features whose bounds stay.
+        column: (n,) values, those of an episode one after the other.
+        episodes: (n,) int, ascending from 0, the episode of each.
+        share: of the time that a fresh episode may spend beyond the bound.
     """
-    names, of_row = np.unique(episodes, return_inverse=True)
-    count, features = len(names), values.shape[1]
-    margins = np.zeros((features, 2))
-    if count < _FEWEST:
-        return margins
-    together = [list(family) for family in families]
-    single = set(range(features)) - {member for family in together for member in family}
-    groups = together + [[feature] for feature in sorted(single - set(discrete))]
-    share = outside / (2 * max(1, len(groups)))
-    for members in groups:
-        for side, sign in ((0, -1.0), (1, 1.0)):
-            column = (values[:, members[0]] * sign).astype(np.float64)
-            for member in members[1:]:
-                np.maximum(column, values[:, member] * sign, out=column)
-            margins[members, side] = _margin(column, of_row, count, share)
-    return margins
-
-
-def _margin(column: np.ndarray, of_row: np.ndarray, count: int, share: float) -> float:
-    """Return the margin of a maximum.
-
-    Args:
-        column: (n,) values.
-        of_row: (n,) position of the episode.
-        count: number of episodes.
-        share: of the time that may be spent beyond the bound.
-    """
-    extremes = np.full(count, -np.inf)
-    np.maximum.at(extremes, of_row, column)
-    extremes = np.sort(extremes)[::-1]
+    starts = np.flatnonzero(np.diff(episodes, prepend=-1))
+    count = len(starts)
+    if count <= _FEWEST:
+        return 0.0
+    extremes = np.sort(np.maximum.reduceat(column, starts))[::-1]
     tail = min(count - 1, max(_FEWEST, math.ceil(_TAIL_SHARE * count)), _MOST)
     start = extremes[tail]
     scale = float(np.mean(extremes[:tail] - start))

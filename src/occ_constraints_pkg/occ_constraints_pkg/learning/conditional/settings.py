@@ -33,7 +33,7 @@ class ConditionalSettings:
     apart: tuple[tuple[str, str], ...] = ()
     delta: float = 0.01
     most_rules: int = 16
-    outside: float | None = 0.01
+    outside: float | None = 0.005
 
     def __post_init__(self) -> None:
         if self.conditions not in CONDITIONS:

@@ -46,6 +46,12 @@ def test_the_binomial_bound_is_exact_for_none_of_all():
     assert cluster_evidence(counts, 0.0) == pytest.approx(-9 * np.log(1 - 0.9))
 
 
+def test_however_steady_a_few_clusters_prove_little():
+    needed = needed_evidence(1000, 0.01)
+    assert evidence([10_000] * 4) <= 4 * np.log(5)
+    assert evidence([10_000] * 4) < needed < evidence([10_000] * 8)
+
+
 def test_more_looks_need_more_evidence():
     assert needed_evidence(1000, 0.01) == pytest.approx(np.log(1e5))
     assert needed_evidence(0, 0.5) == pytest.approx(np.log(2))

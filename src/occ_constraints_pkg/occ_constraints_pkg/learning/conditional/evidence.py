@@ -41,9 +41,17 @@ def visit_evidence(counts: np.ndarray, shares: np.ndarray, seen: float) -> float
 def of_few(visits: float, clusters: int) -> float:
     """Return what so many visits prove: a variance over few clusters is uncertain itself.
 
-    Student's tail in place of the Gaussian one.
+    So Student's tail takes the place of the Gaussian one.
     """
-    return clusters / 2 * math.log1p(2 * visits / clusters)
+    return min(clusters / 2 * math.log1p(2 * visits / clusters), most_evidence(clusters))
+
+
+def most_evidence(clusters: int) -> float:
+    """Return the most that clusters prove: all were sure to come in, and none did.
+
+    However long they are, a few of them may have a habit in common.
+    """
+    return clusters * math.log(clusters + 1)
 
 
 def cluster_evidence(counts: np.ndarray, came: float) -> float:

@@ -21,9 +21,13 @@ import numpy as np
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.experiments.conditions import machine, versions
 from occ_constraints_pkg.experiments.planted_methods import METHODS
-from occ_constraints_pkg.experiments.planted_problems import PROBLEMS, SIZES
+from occ_constraints_pkg.experiments.planted_problems import MADE_UP, SIZES, Problem
+from occ_constraints_pkg.experiments.planted_simulated import SIMULATED
 from occ_constraints_pkg.files import make_directory, replacing
 from occ_constraints_pkg.learning.scoring import score_flags
+
+PROBLEMS: dict[str, Callable[[str, int], Problem]] = dict(sorted((MADE_UP | SIMULATED).items()))
+"""Every problem by its name: (size, seed) to the problem."""
 
 SEEDS = (1, 2, 3, 4, 5)
 """Seeds that results are reported on; nothing was tuned on them."""

@@ -591,7 +591,7 @@ def geometry(size: str, seed: int) -> Problem:
     return _problem('N3', size, seed, names, draw)
 
 
-PROBLEMS: dict[str, Callable[[str, int], Problem]] = {
+MADE_UP: dict[str, Callable[[str, int], Problem]] = {
     'A2': clearance_by_speed,
     'A3': speed_limits_of_modes,
     'A4': following,
@@ -607,4 +607,4 @@ PROBLEMS: dict[str, Callable[[str, int], Problem]] = {
     'N2': habits,
     'N3': geometry,
 }
-"""Every problem by its name: (size, seed) to the problem."""
+"""Problems by name: (size, seed) to the problem."""

@@ -7,12 +7,13 @@ from __future__ import annotations
 import numpy as np
 
 from occ_constraints_pkg.learning.conditional.acceptance import Found
-from occ_constraints_pkg.learning.conditional.corners import LOOKS
 from occ_constraints_pkg.learning.conditional.evidence import needed_evidence, visit_evidence
 from occ_constraints_pkg.learning.conditional.sample import Rows, Sample
 from occ_constraints_pkg.learning.conditional.units import ABOVE, BELOW, Cut
 
 _CELLS = 64
+# Ranges of one feature that are as good as independent.
+_LOOKS = 256.0
 # Share of the time on either side, within the gap's own width.
 _LEAST = 0.05
 # A value that is taken more often than this is a sentinel, such as 500 for "none in sight".
@@ -31,7 +32,7 @@ def find_gaps(sample: Sample, *, delta: float) -> list[Found]:
         sample: the rows.
         delta: chance that there is any false rule.
     """
-    needed = needed_evidence(2 * len(sample.units) * LOOKS, delta)
+    needed = needed_evidence(len(sample.units) * _LOOKS, delta)
     found = []
     for number, unit in enumerate(sample.units):
         if not (unit.is_discrete or unit.is_family):

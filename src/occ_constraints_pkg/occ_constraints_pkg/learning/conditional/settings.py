@@ -31,7 +31,7 @@ class ConditionalSettings:
 
     conditions: str = 'triples'
     apart: tuple[tuple[str, str], ...] = ()
-    delta: float = 0.01
+    delta: float = 0.003
     most_rules: int = 16
     outside: float | None = 0.005
 

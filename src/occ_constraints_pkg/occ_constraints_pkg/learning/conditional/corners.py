@@ -26,7 +26,7 @@ _CELLS = 32
 _LEAST = 0.002
 # Rules of one way at most: the steps of a staircase. Each adds at least this share of the first, in
 # time or in volume.
-_MOST_STEPS = 4
+_MOST_STEPS = 5
 _LEAST_STEP = 0.06
 # Where the first costs demonstrations, each has to bring more.
 _LEAST_SPOILED_STEP = 0.2

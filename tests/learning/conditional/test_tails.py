@@ -12,17 +12,36 @@ def slow(rng, rows):
     return 5 + 3 * np.sin(np.cumsum(rng.normal(0, 0.1, rows)))
 
 
+def calm(rows=200):
+    """Return small steps to and fro."""
+    return np.tile([0.0, 0.1, 0.2, 0.1], rows // 4)
+
+
 def test_a_glitch_jumps_in_and_out():
-    column = np.array([0.0, 0.1, 5.0, 0.2, 0.3, 4.0, 4.1, 4.2, 4.1, 9.0])
-    goes_on = np.array([True] * 8 + [False, False])
-    found = find_glitches(column, goes_on)
-    assert found.tolist() == [False, False, True] + [False] * 7
+    column, goes_on = calm(), np.ones(200, dtype=bool)
+    column[40] = 5.0
+    column[80:84] = 4.0, 4.1, 4.2, 4.1
+    assert np.flatnonzero(find_glitches(column, goes_on)).tolist() == [40]
 
 
 def test_at_the_ends_of_an_episode_one_neighbour_decides():
-    column = np.array([5.0, 0.1, 0.2, 0.1, 0.2, 7.0, 3.0, 3.1])
-    goes_on = np.array([True, True, True, True, True, False, True, False])
-    assert np.flatnonzero(find_glitches(column, goes_on)).tolist() == [0, 5]
+    column, goes_on = calm(), np.ones(200, dtype=bool)
+    goes_on[[99, 199]] = False
+    column[[0, 99]] = 5.0, 7.0
+    column[100:] += 3
+    assert np.flatnonzero(find_glitches(column, goes_on)).tolist() == [0, 99]
+    # An episode of one sample has no neighbour.
+    goes_on[98] = False
+    assert np.flatnonzero(find_glitches(column, goes_on)).tolist() == [0]
+
+
+def test_a_feature_that_jumps_of_its_own_accord_has_no_glitches():
+    rng = np.random.default_rng(0)
+    often, always_there = calm(4_000), calm(4_000)
+    often[::9] = rng.uniform(-5, 5, len(often[::9]))
+    always_there[::50] = rng.choice([-5.0, 5.0], len(always_there[::50]))
+    for column in (often, always_there):
+        assert not find_glitches(column, np.ones(4_000, dtype=bool)).any()
 
 
 def test_what_hardly_ever_changes_has_no_glitches():

@@ -18,11 +18,15 @@ _NARROWEST, _WIDEST = 4, 64
 # A glitch differs from the samples before and after it by so many times the usual step.
 _JUMP = 8.0
 _SOME = 10_000
+# Of many glitches, no more than this share lie in one of the parts of a feature's range. Those that
+# belong to it, such as impacts, jump to certain values.
+_MANY, _PARTS, _MOST_IN_PART = 20, 8, 0.35
 # A tail of bad samples has so many in its inner half, and at most this share that are no glitches:
 # bad samples may follow each other, or be close to good ones.
 _FEWEST, _OTHERS = 4, 0.3
 # The inner half is at least so dense as all of it, just inside the bound it is so many times
-# denser, and evenly over the whole range there would be at most this share of the rows.
+# denser, and evenly over the whole range there would be at most this share of the rows. A feature
+# with more glitches than that jumps of its own accord.
 _FLAT, _DENSER, _DENSEST = 0.6, 4.0, 1.2 * MOST_BAD
 
 
@@ -34,7 +38,8 @@ def find_glitches(column: np.ndarray, goes_on: np.ndarray) -> np.ndarray:
         goes_on: (n,) bool, whether the next row is the next sample of the same episode.
 
     Returns:
-        (n,) bool. Where an episode begins or ends, the one neighbour decides.
+        (n,) bool. Where an episode begins or ends, the one neighbour decides. Where jumps belong to
+        the feature, none is a glitch.
     """
     glitches = np.zeros(len(column), dtype=bool)
     joined = goes_on[:-1]
@@ -47,7 +52,18 @@ def find_glitches(column: np.ndarray, goes_on: np.ndarray) -> np.ndarray:
     glitches[:-1] = is_jump & joined
     # After a jump in, the next step has to be a jump out, unless there is none.
     glitches[1:] = np.where(joined, is_jump & (glitches[1:] | ~goes_on[1:]), glitches[1:])
-    return glitches
+    return glitches if _are_bad(column, glitches) else np.zeros_like(glitches)
+
+
+def _are_bad(column: np.ndarray, glitches: np.ndarray) -> bool:
+    """Tell whether glitches are few, and anywhere in the range, as far as that can be told."""
+    values = column[glitches]
+    if len(values) > _DENSEST * len(column):
+        return False
+    if len(values) < _MANY:
+        return True
+    counts, _ = np.histogram(values, _PARTS, (column.min(), column.max()))
+    return counts.max() <= _MOST_IN_PART * len(values)
 
 
 def flat_tails(unit: int, described: Unit, column: np.ndarray, is_glitch: np.ndarray) -> list[Cut]:

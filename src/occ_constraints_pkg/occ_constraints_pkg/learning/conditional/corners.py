@@ -22,8 +22,8 @@ LOOKS = 16.0
 """Corners of one pair and orientation that are as good as independent."""
 
 _CELLS = 32
-# Share of the time that has to be expected in a rule.
-_LEAST = 0.002
+# Share of the time that has to be expected in a rule, and in a further step of a staircase.
+_LEAST, _LEAST_OF_STEP = 0.005, 0.002
 # Rules of one way at most: the steps of a staircase. Each adds at least this share of the first, in
 # time or in volume.
 _MOST_STEPS = 5
@@ -129,7 +129,7 @@ class CornerSearch:
         tops = {pair: self._top(pair) for pair in self._pairs}
         while tops:
             pair = max(tops, key=lambda one: tops[one])
-            if tops[pair] <= _LEAST:
+            if tops[pair] <= _LEAST_OF_STEP:
                 return None
             if pair not in self._left:
                 # Only what gets to the top is worth the look at its correlation.
@@ -164,12 +164,13 @@ class CornerSearch:
         return None
 
     def _judge(self, cuts: Sequence[Cut]) -> Found | None:
+        proven = way_of(cuts) in self._firsts
         return self._acceptance.judge(
             cuts,
             self._needed,
-            _LEAST,
+            _LEAST_OF_STEP if proven else _LEAST,
             sum(rule.seen for rule in self.found),
-            proven=way_of(cuts) in self._firsts,
+            proven=proven,
         )
 
     def _is_worth_a_line(self, rule: Found) -> bool:

@@ -11,7 +11,12 @@ import numpy as np
 
 from occ_constraints_pkg.learning.conditional.correlation import CorrelationNull
 from occ_constraints_pkg.learning.conditional.expectation import Expectation
-from occ_constraints_pkg.learning.conditional.placing import bad_density, place
+from occ_constraints_pkg.learning.conditional.placing import (
+    bad_density,
+    fit_bounds,
+    place,
+    step_back,
+)
 from occ_constraints_pkg.learning.conditional.price import Seen, allowed_bad, worth
 from occ_constraints_pkg.learning.conditional.sample import Rows, Sample
 from occ_constraints_pkg.learning.conditional.units import EQUAL, Cut
@@ -100,7 +105,7 @@ class Acceptance:
         strip = self._steady(cuts, visits)
         if strip is None:
             return None
-        placed = place(self._sample, self._sample, self._expectation.free, cuts, visits, strip)
+        placed = place(self._sample, self._sample, self._expectation.free, cuts, visits / strip)
         share = self._expectation.share(placed)
         # That the corner is empty is proven by all of it, also by the strip that the rule leaves.
         evidence = max(self._evidence(corner, proven) for corner in (cuts, placed))
@@ -121,38 +126,29 @@ class Acceptance:
             evidence *= self._correlation.share_at(*cuts)
         return evidence
 
-    def _steady(self, cuts: Sequence[Cut], evidence: float) -> float | None:
+    def _steady(self, cuts: Sequence[Cut], visits: float) -> float | None:
         """Return the first strip at which bounds placed without some episodes hardly flag these.
 
         ``None`` if there is no such strip.
         """
-        sample = self._sample
+        sample, free = self._sample, self._expectation.free
         if sample.cluster_count < _FOLDS:
             return _STRIPS[0]
-        folds = [
-            (fold, sample.take(self._fold != fold), sample.take(self._fold == fold))
-            for fold in range(_FOLDS)
-        ]
+        needed = {cut.unit for cut in cuts}
+        folds = []
+        for fold in range(_FOLDS):
+            others, left_out = self._fold != fold, (self._fold == fold) & free
+            fitted = fit_bounds(sample, sample.take(others, needed), free[others], cuts)
+            folds.append((fitted, sample.take(left_out, needed)))
         bad = allowed_bad(sample.volume_of(cuts), bad_density(sample, sample, cuts))
         for strip in _STRIPS:
-            flagged = sum(self._flagged_left_out(cuts, evidence, strip, *fold) for fold in folds)
+            flagged = sum(
+                int(left_out.inside(step_back(sample, fitted, visits / strip)).sum())
+                for fitted, left_out in folds
+            )
             if flagged / len(sample) <= _MOST_LEFT_OUT + bad:
                 return strip
         return None
-
-    def _flagged_left_out(
-        self,
-        cuts: Sequence[Cut],
-        evidence: float,
-        strip: float,
-        fold: int,
-        others: Rows,
-        left_out: Rows,
-    ) -> int:
-        """Return how many rows of a fold bounds flag that are placed on the other ones."""
-        free = self._expectation.free
-        placed = place(self._sample, others, free[self._fold != fold], cuts, evidence, strip)
-        return int((left_out.inside(placed) & free[self._fold == fold]).sum())
 
 
 def is_empty(sample: Sample, rows: Rows, found: Found) -> bool:

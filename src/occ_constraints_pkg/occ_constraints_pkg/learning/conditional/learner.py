@@ -176,7 +176,7 @@ def _settled(
             continue
         cuts = rule.cuts
         if len(rows) > len(sample):
-            cuts = place(sample, rows, free, cuts, rule.evidence, rule.strip)
+            cuts = place(sample, rows, free, cuts, rule.evidence / rule.strip)
         inside = rows.inside(cuts)
         seen = float((inside & free).mean())
         candidate = Found(cuts, rule.expected, seen, rule.evidence, rule.strip)

@@ -20,8 +20,6 @@ from occ_constraints_pkg.learning.conditional.price import (
 from occ_constraints_pkg.learning.conditional.sample import Rows, Sample
 from occ_constraints_pkg.learning.conditional.units import BELOW, EQUAL, Cut
 
-# Independent visits that were expected between a bound and the data.
-_STRIP = 1.0
 # A strip takes at most this share of what a literal is true of.
 _WIDEST_STRIP = 0.5
 _ROUNDS = 2
@@ -30,27 +28,33 @@ _MOST_DIGITS, _MOST_STEPS = 200, 1e15
 
 
 def place(
-    sample: Sample,
-    rows: Rows,
-    free: np.ndarray,
-    cuts: Sequence[Cut],
-    evidence: float,
-    strip: float = _STRIP,
+    sample: Sample, rows: Rows, free: np.ndarray, cuts: Sequence[Cut], visits: float
 ) -> tuple[Cut, ...]:
-    """Put each bound where the corner is worth most, then back by a strip.
-
-    Each bound in turn, the others as they are, moves over the values of the rows that are in the
-    corner but for it (excess mass on one feature). Then it steps back into the corner, away from
-    the data, by a strip in which so many independent visits were expected: closer than that,
-    nothing tells where the bound is.
+    """Put each bound where the corner is worth most, and then a step back.
 
     Args:
         sample: the searched rows, which say how values are distributed.
         rows: the rows that the bounds are placed on.
         free: (n,) bool, which of them are in no earlier rule.
         cuts: the corner's literals.
-        evidence: independent visits that were expected in the corner.
-        strip: of them, as many lie in the strip.
+        visits: see :func:`step_back`.
+    """
+    return step_back(sample, fit_bounds(sample, rows, free, cuts), visits)
+
+
+def fit_bounds(
+    sample: Sample, rows: Rows, free: np.ndarray, cuts: Sequence[Cut]
+) -> tuple[Cut, ...]:
+    """Put each bound where the corner is worth most.
+
+    Each bound in turn, the others as they are, moves over the values of the rows that are in the
+    corner but for it (excess mass on one feature).
+
+    Args:
+        sample: the searched rows, which say how values are distributed.
+        rows: the rows that the bounds are placed on.
+        free: (n,) bool, which of them are in no earlier rule.
+        cuts: the corner's literals.
     """
     bad = bad_density(sample, rows, cuts)
     placed = list(cuts)
@@ -59,7 +63,21 @@ def place(
             if _is_movable(sample, cut):
                 others = [other for other in placed if other is not cut]
                 placed[position] = _best(sample, rows, free, cut, others, bad)
-    return tuple(_back(sample, cut, strip / max(evidence, 1e-9)) for cut in placed)
+    return tuple(placed)
+
+
+def step_back(sample: Sample, cuts: Sequence[Cut], visits: float) -> tuple[Cut, ...]:
+    """Move each bound into the corner, away from the data, and round it.
+
+    By a strip in which one independent visit was expected: closer than that, nothing tells where
+    the bound is.
+
+    Args:
+        sample: the searched rows, which say how values are distributed.
+        cuts: the corner's literals.
+        visits: independent ones that were expected in the corner, in strips.
+    """
+    return tuple(_back(sample, cut, 1 / max(visits, 1e-9)) for cut in cuts)
 
 
 def bad_density(sample: Sample, rows: Rows, cuts: Sequence[Cut]) -> float:

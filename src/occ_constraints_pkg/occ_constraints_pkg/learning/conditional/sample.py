@@ -41,14 +41,19 @@ class Rows:
     def __len__(self) -> int:
         return len(self._goes_on)
 
-    def take(self, chosen: np.ndarray) -> Rows:
-        """Return some of the rows: (n,) bool."""
-        return Rows(
-            self.units,
-            [column[chosen] for column in self.columns],
-            [column[chosen] for column in self._following],
-            self._goes_on[chosen],
-        )
+    def take(self, chosen: np.ndarray, needed: Iterable[int]) -> Rows:
+        """Return some of the rows, with the values of some units.
+
+        Args:
+            chosen: (n,) bool.
+            needed: positions of the units.
+        """
+        empty = np.empty(0)
+        columns, following = [empty] * len(self.units), [empty] * len(self.units)
+        for unit in needed:
+            columns[unit] = self.columns[unit][chosen]
+            following[unit] = self._following[unit][chosen]
+        return Rows(self.units, columns, following, self._goes_on[chosen])
 
     def stays(self, cuts: Iterable[Cut], inside: np.ndarray) -> int:
         """Return in how many of the rows in a corner the next sample is in it, too.

@@ -95,7 +95,7 @@ def _start(column: np.ndarray, is_glitch: np.ndarray) -> float | None:
     bad = np.cumsum(bad)[cut - 1]
     if bad[-1] < _FEWEST:
         return None
-    below = np.concatenate(([0], np.cumsum(np.histogram(column, edges)[0])))
+    below = np.concatenate(([0], np.cumsum(np.histogram(column, _CELLS, extent)[0])))
     whole, core = below[cut], below[half]
     inside = below[np.minimum(cut + half, _CELLS)] - whole
     is_flat = (

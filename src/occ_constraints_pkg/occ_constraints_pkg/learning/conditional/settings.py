@@ -31,7 +31,7 @@ class ConditionalSettings:
 
     conditions: str = 'triples'
     apart: tuple[tuple[str, str], ...] = ()
-    delta: float = 0.003
+    delta: float = 0.005
     most_rules: int = 16
     outside: float | None = 0.005
 

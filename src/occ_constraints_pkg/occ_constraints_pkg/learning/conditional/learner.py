@@ -1,0 +1,187 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""From demonstrations to the safe set: box, margins, tails, conditional rules."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.learning.conditional.acceptance import MOST_OUTSIDE, Found, is_empty
+from occ_constraints_pkg.learning.conditional.bounds import (
+    demonstrated_ranges,
+    fit_box,
+    inside_box,
+)
+from occ_constraints_pkg.learning.conditional.corners import CornerSearch
+from occ_constraints_pkg.learning.conditional.correlation import CorrelationNull
+from occ_constraints_pkg.learning.conditional.expectation import Expectation
+from occ_constraints_pkg.learning.conditional.gaps import close_on, find_gaps
+from occ_constraints_pkg.learning.conditional.placing import place
+from occ_constraints_pkg.learning.conditional.rules import ConditionalRule, Feature, LearnedRules
+from occ_constraints_pkg.learning.conditional.sample import Sample
+from occ_constraints_pkg.learning.conditional.settings import ConditionalSettings
+from occ_constraints_pkg.learning.conditional.table import Table
+from occ_constraints_pkg.learning.conditional.triples import find_triples
+from occ_constraints_pkg.learning.conditional.units import (
+    families_of,
+    make_units,
+    pairs_of,
+)
+
+
+def learn_conditional(
+    values: np.ndarray,
+    episodes: np.ndarray,
+    features: Sequence[Feature],
+    settings: ConditionalSettings | None = None,
+    *,
+    bounds: np.ndarray,
+    recordings: np.ndarray | None = None,
+) -> LearnedRules:
+    """Learn the safe set of demonstrations.
+
+    Args:
+        values: (n, k) finite samples within their physical bounds, those of an episode in the
+            order of time.
+        episodes: (n,) the episode of each.
+        features: k descriptions.
+        settings: ``None`` for the defaults.
+        bounds: (k, 2) the box that a learner of boxes found: smallest and largest safe value of
+            each feature. They are moved, see
+            :func:`~occ_constraints_pkg.learning.conditional.bounds.fit_box`.
+        recordings: (n,) the recording of each sample, where several episodes share one: what
+            happens in one recording proves things only once. ``None``: episodes are independent.
+
+    Raises:
+        OccError: shapes do not fit, a value is not finite, or a name is unknown.
+    """
+    settings = settings if settings is not None else ConditionalSettings()
+    values, episodes = _checked(values, episodes, features, bounds, recordings)
+    units = make_units(values, features)
+    table = Table(values, units, _by_episode(episodes), episodes)
+    limits = np.array([(feature.low, feature.high) for feature in features])
+    groups = [*families_of(features).values(), *((one,) for one in range(len(features)))]
+    demonstrated = demonstrated_ranges(values, groups)
+    box, is_bad = fit_box(table, bounds, demonstrated, limits, settings.outside)
+    rules: tuple[ConditionalRule, ...] = ()
+    if settings.conditions != 'none' and units:
+        kept = inside_box(values, box, demonstrated)[table.order]
+        table = Table(values, units, table.order[kept], episodes)
+        if not is_bad[kept].all():
+            clusters = episodes if recordings is None else np.asarray(recordings)
+            rules = _conditional_rules(table, is_bad[kept], clusters, features, settings)
+    return LearnedRules(box, demonstrated, rules)
+
+
+def _checked(
+    values: np.ndarray,
+    episodes: np.ndarray,
+    features: Sequence[Feature],
+    bounds: np.ndarray,
+    recordings: np.ndarray | None,
+) -> tuple[np.ndarray, np.ndarray]:
+    rows = np.asarray(values, dtype=np.float64)
+    if rows.ndim != 2 or rows.shape[1] != len(features) or not rows.size:
+        raise OccError(
+            f'samples have shape {rows.shape}; allowed is (n, {len(features)}), n of 1 or more'
+        )
+    for name, labels in (('episodes', episodes), ('recordings', recordings)):
+        if labels is not None and np.shape(labels) != (len(rows),):
+            raise OccError(f'{name} have shape {np.shape(labels)}; allowed is ({len(rows)},)')
+    if np.shape(bounds) != (len(features), 2):
+        raise OccError(f'bounds have shape {np.shape(bounds)}; allowed is ({len(features)}, 2)')
+    with np.errstate(over='ignore', invalid='ignore'):
+        glance = rows.sum()
+    if not np.isfinite(glance) and not np.isfinite(rows).all():
+        row, column = np.argwhere(~np.isfinite(rows))[0]
+        raise OccError(
+            f'sample {row} of {features[column].name!r} is {rows[row, column]}; allowed is a '
+            'finite number'
+        )
+    return rows, np.asarray(episodes)
+
+
+def _by_episode(episodes: np.ndarray) -> np.ndarray:
+    """Return the positions of the rows, episode after episode."""
+    # Whole episodes one after the other are in order already, whatever they are called.
+    changes = np.count_nonzero(episodes[1:] != episodes[:-1])
+    if len(np.unique(episodes)) == changes + 1:
+        return np.arange(len(episodes))
+    return np.argsort(episodes, kind='stable')
+
+
+def _conditional_rules(
+    table: Table,
+    is_bad: np.ndarray,
+    clusters: np.ndarray,
+    features: Sequence[Feature],
+    settings: ConditionalSettings,
+) -> tuple[ConditionalRule, ...]:
+    sample = table.sample(is_bad, clusters)
+    units = table.units
+    pairs = pairs_of(units, features, settings.apart)
+    expectation, correlation = Expectation(sample), CorrelationNull(sample)
+    found = find_gaps(sample, delta=settings.delta)[: settings.most_rules]
+    search = CornerSearch(
+        sample,
+        expectation,
+        correlation,
+        pairs,
+        found,
+        delta=settings.delta,
+        most_rules=settings.most_rules,
+    )
+    found = search.run()
+    if settings.conditions == 'triples':
+        found = find_triples(
+            sample,
+            expectation,
+            correlation,
+            pairs,
+            found,
+            looks_at_pairs=search.looks,
+            delta=settings.delta,
+            most_rules=settings.most_rules,
+        )
+    return tuple(
+        ConditionalRule(
+            tuple(
+                literal
+                for cut in rule.cuts
+                for literal in units[cut.unit].literals(cut.side, cut.bound)
+            ),
+            rule.expected,
+            rule.seen,
+            rule.evidence,
+        )
+        for rule in _settled(table, is_bad, sample, found)
+    )
+
+
+def _settled(
+    table: Table, is_bad: np.ndarray, sample: Sample, found: Sequence[Found]
+) -> list[Found]:
+    """Return the rules with their bounds placed on all rows; those go that do not hold there."""
+    settled: list[Found] = []
+    free = ~is_bad
+    for rule in found:
+        rows = table.rows({cut.unit for cut in rule.cuts})
+        if rule.is_gap:
+            closed = close_on(rule, rows)
+            if closed is not None:
+                settled.append(closed)
+            continue
+        cuts = rule.cuts
+        if len(rows) > len(sample):
+            cuts = place(sample, rows, free, cuts, rule.evidence / rule.strip)
+        inside = rows.inside(cuts)
+        seen = float((inside & free).mean())
+        candidate = Found(cuts, rule.expected, seen, rule.evidence, rule.strip)
+        total = seen + sum(one.seen for one in settled)
+        if total <= MOST_OUTSIDE and is_empty(sample, rows, candidate):
+            settled.append(candidate)
+            free &= ~inside
+    return settled

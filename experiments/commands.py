@@ -304,6 +304,39 @@ def ngsim(**given: Any) -> None:
 
 
 @cli.command()
+@click.option('--problem', 'problems', multiple=True, help='Only this problem; may be repeated.')
+@click.option(
+    '--size',
+    'sizes',
+    multiple=True,
+    type=click.Choice(['1e3', '1e4', '1e5']),
+    help='Only so many samples; may be repeated.',
+)
+@click.option(
+    '--seed',
+    'seeds',
+    multiple=True,
+    type=_AT_LEAST_0,
+    default=(1, 2, 3, 4, 5),
+    show_default=True,
+    help='May be repeated.',
+)
+@click.option('--method', 'methods', multiple=True, help='Only this learner; may be repeated.')
+@click.option('--processes', default=1, type=_AT_LEAST_1, show_default=True)
+@_writes()
+def planted(**given: Any) -> None:
+    """Measure how well known conditional rules are found.
+
+    Beside other learners, and where there is nothing to find. A stopped run continues where it
+    was. The rivals need scikit-learn.
+
+    \b
+    Example: python -m experiments planted --problem A3 --size 1e4 -o results
+    """
+    _run('planted', 'lines', **given)
+
+
+@cli.command()
 @_reads('safety_gym_traces')
 @click.option(
     '--episodes', default=50, type=click.IntRange(min=2), show_default=True, help='For the means.'

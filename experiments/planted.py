@@ -2,14 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Planted problems: how well known rules are found, and how often rules that are not there.
 
-Run it as ``python -m occ_constraints_pkg.experiments.planted --help``.
+Run it as ``python -m experiments.planted --help``.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
-import sys
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -17,14 +14,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-
-from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.experiments.conditions import machine, versions
-from occ_constraints_pkg.experiments.planted_methods import METHODS
-from occ_constraints_pkg.experiments.planted_problems import MADE_UP, SIZES, Problem
-from occ_constraints_pkg.experiments.planted_simulated import SIMULATED
-from occ_constraints_pkg.files import make_directory, replacing
+from occ_constraints_pkg.documents import read_json_object
+from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.learning.scoring import score_flags
+
+from benchmarks.conditions import machine, versions
+from experiments.planted_methods import METHODS
+from experiments.planted_problems import MADE_UP, SIZES, Problem
+from experiments.planted_simulated import SIMULATED
+from experiments.results import markdown_table, write_results
 
 PROBLEMS: dict[str, Callable[[str, int], Problem]] = dict(sorted((MADE_UP | SIMULATED).items()))
 """Every problem by its name: (size, seed) to the problem."""
@@ -32,7 +30,10 @@ PROBLEMS: dict[str, Callable[[str, int], Problem]] = dict(sorted((MADE_UP | SIMU
 SEEDS = (1, 2, 3, 4, 5)
 """Seeds that results are reported on; nothing was tuned on them."""
 
-_QUICK = {'problems': ('A3', 'A6', 'B1'), 'sizes': ('1e4',), 'seeds': (1,)}
+_HEADS = (
+    *('problem', 'samples', 'method', 'seeds', 'F1', 'median', 'precision', 'recall'),
+    *('fresh flagged', 'by conditions', 'rules', 'conditional', 'seconds'),
+)
 Task = tuple[str, str, int, str]
 
 
@@ -44,7 +45,7 @@ def run_planted(
     seeds: Sequence[int] = SEEDS,
     methods: Sequence[str] = (),
     processes: int = 1,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[int, int], None] = lambda *_: None,
 ) -> dict[str, Any]:
     """Run what ``output/planted.json`` lacks yet; write that file and ``planted.md``.
 
@@ -53,7 +54,7 @@ def run_planted(
     Args:
         output: directory of the results.
         problems: names; all if empty.
-        sizes: keys of :data:`~occ_constraints_pkg.experiments.planted_problems.SIZES`; all if
+        sizes: keys of :data:`~experiments.planted_problems.SIZES`; all if
             empty.
         seeds: one line each.
         methods: names; all if empty.
@@ -61,7 +62,7 @@ def run_planted(
         progress: called with (lines done, lines in all).
 
     Raises:
-        OccError: a name is not known.
+        ConfigurationError: a name is not known.
     """
     chosen = [
         _chosen(names, known, what)
@@ -71,9 +72,8 @@ def run_planted(
             (methods, METHODS, 'method'),
         )
     ]
-    make_directory(output)
     file = output / 'planted.json'
-    lines = json.loads(file.read_text(encoding='utf-8'))['lines'] if file.exists() else {}
+    lines = read_json_object(file)['lines'] if file.exists() else {}
     wanted = [
         (problem, size, seed, method)
         for problem in chosen[0]
@@ -84,13 +84,15 @@ def run_planted(
     todo = [task for task in wanted if _key(task) not in lines]
     done = len(wanted) - len(todo)
 
+    result = _document(lines)
+
     def finish(task: Task, line: dict[str, Any]) -> None:
-        nonlocal done
+        nonlocal done, result
         lines[_key(task)] = line
-        _write(output, lines)
+        result = _document(lines)
+        write_results(output, 'planted', result, table(lines))
         done += 1
-        if progress is not None:
-            progress(done, len(wanted))
+        progress(done, len(wanted))
 
     if processes <= 1:
         for task in todo:
@@ -100,7 +102,7 @@ def run_planted(
             running = {pool.submit(run_one, *task): task for task in todo}
             for future in as_completed(running):
                 finish(running[future], future.result())
-    return lines
+    return result
 
 
 def run_one(problem: str, size: str, seed: int, method: str) -> dict[str, Any]:
@@ -108,7 +110,7 @@ def run_one(problem: str, size: str, seed: int, method: str) -> dict[str, Any]:
 
     Args:
         problem: its name.
-        size: key of :data:`~occ_constraints_pkg.experiments.planted_problems.SIZES`.
+        size: key of :data:`~experiments.planted_problems.SIZES`.
         seed: of all chance.
         method: its name.
 
@@ -150,11 +152,7 @@ def table(lines: dict[str, dict[str, Any]]) -> str:
     order = {
         name: number for names in (PROBLEMS, SIZES, METHODS) for number, name in enumerate(names)
     }
-    rows = [
-        '| problem | samples | method | seeds | F1 | median | precision | recall | fresh flagged | '
-        'by conditions | rules | conditional | seconds |',
-        '|---|---|---|---|---|---|---|---|---|---|---|---|---|',
-    ]
+    rows = []
     for key in sorted(groups, key=lambda key: [order[name] for name in key]):
         found = groups[key]
 
@@ -172,17 +170,21 @@ def table(lines: dict[str, dict[str, Any]]) -> str:
             )
         )
         rows.append(
-            f'| {key[0]} | {key[1]} | {key[2]} | {len(found)} | {f1} | {median} | {precision} | '
-            f'{recall} | {mean("flagged"):.2%} | {mean("conditional_flagged"):.2%} | '
-            f'{mean("rules"):.1f} | {mean("conditional"):.1f} | {mean("seconds"):.1f} |'
+            (
+                *key,
+                len(found),
+                *(f1, median, precision, recall),
+                *(f'{mean(name):.2%}' for name in ('flagged', 'conditional_flagged')),
+                *(f'{mean(name):.1f}' for name in ('rules', 'conditional', 'seconds')),
+            )
         )
-    return '\n'.join(rows) + '\n'
+    return markdown_table(_HEADS, rows) + '\n'
 
 
 def _chosen(names: Sequence[str], known: dict[str, Any], what: str) -> list[str]:
     for name in names:
         if name not in known:
-            raise OccError(f'there is no {what} {name!r}; allowed are {", ".join(known)}')
+            raise ConfigurationError(f'there is no {what} {name!r}; allowed are {", ".join(known)}')
     return list(names or known)
 
 
@@ -194,43 +196,9 @@ def _rounded(value: float) -> float:
     return round(float(value), 6)
 
 
-def _write(output: Path, lines: dict[str, dict[str, Any]]) -> None:
-    result = {
+def _document(lines: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    return {
         'lines': lines,
         'machine': machine(),
         'versions': versions(('numpy', 'scipy', 'scikit-learn')),
     }
-    with replacing(output / 'planted.json') as part:
-        part.write_text(json.dumps(result, indent=1) + '\n', encoding='utf-8')
-    with replacing(output / 'planted.md') as part:
-        part.write_text(table(lines), encoding='utf-8')
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run from the command line; returns the exit code."""
-    parser = argparse.ArgumentParser(
-        prog='planted', description='How well planted rules are found, beside other learners.'
-    )
-    parser.add_argument('-o', '--output', type=Path, default=Path('planted_results'))
-    parser.add_argument('--problems', nargs='*', default=(), help=f'of {", ".join(PROBLEMS)}')
-    parser.add_argument('--sizes', nargs='*', default=(), help=f'of {", ".join(SIZES)}')
-    parser.add_argument('--seeds', nargs='*', type=int, default=SEEDS)
-    parser.add_argument('--methods', nargs='*', default=(), help=f'of {", ".join(METHODS)}')
-    parser.add_argument('--processes', type=int, default=1)
-    parser.add_argument('--quick', action='store_true', help='three problems, one size, one seed')
-    parser.add_argument('--json', action='store_true', help='print the results as JSON')
-    given = vars(parser.parse_args(arguments))
-    as_json, quick = given.pop('json'), given.pop('quick')
-    if quick:
-        given |= _QUICK
-    try:
-        lines = run_planted(given.pop('output'), **given)
-    except OccError as error:
-        print(f'planted: {error}', file=sys.stderr)
-        return 2
-    print(json.dumps(lines, indent=1) if as_json else table(lines), end='')
-    return 0
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -8,12 +8,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-
-from occ_constraints_pkg.experiments.planted_problems import Problem
 from occ_constraints_pkg.learning.conditional import Feature, LearnedRules, learn_conditional
 from occ_constraints_pkg.learning.octree import fit_tree
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.learning.tree import Node
+
+from experiments.planted_problems import Problem
 
 # Share of the samples that rivals without a default of their own take for outliers, and rows that
 # a support vector machine can bear.

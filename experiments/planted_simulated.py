@@ -7,19 +7,18 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from occ_constraints_pkg.agents.drivers import Driver, find_driver
+from occ_constraints_pkg.features.feature_map import load_feature_map
+from occ_constraints_pkg.worlds.registry import make_world
+from occ_constraints_pkg.worlds.simple_nav import FORBIDDEN_X_BELOW, FORBIDDEN_Y_ABOVE
+from occ_constraints_pkg.worlds.stream import EpisodeStream
 
-from occ_constraints_pkg.agents.drivers import find_driver
-from occ_constraints_pkg.agents.scripted import Driver
-from occ_constraints_pkg.bags.feature_map import load_feature_map
-from occ_constraints_pkg.experiments.planted_problems import (
+from experiments.planted_problems import (
     SIZES,
     TEST_STATES,
     Problem,
     generator,
 )
-from occ_constraints_pkg.worlds.registry import make_world
-from occ_constraints_pkg.worlds.simple_nav import FORBIDDEN_X_BELOW, FORBIDDEN_Y_ABOVE
-from occ_constraints_pkg.worlds.stream import EpisodeStream
 
 _FRESH_EPISODES = 200
 # Test states of simple_nav lie between start and goal, in x and in y: what is beyond is not

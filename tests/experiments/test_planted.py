@@ -4,10 +4,13 @@ import json
 
 import numpy as np
 import pytest
-from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.experiments.planted import PROBLEMS, main, run_one, run_planted, table
-from occ_constraints_pkg.experiments.planted_methods import METHODS
-from occ_constraints_pkg.experiments.planted_problems import MADE_UP
+from click.testing import CliRunner
+from occ_constraints_pkg.errors import ConfigurationError
+
+from experiments.commands import cli
+from experiments.planted import PROBLEMS, run_one, run_planted, table
+from experiments.planted_methods import METHODS
+from experiments.planted_problems import MADE_UP
 
 NULLS = {'A6', 'N1', 'N2', 'N3'}
 
@@ -51,7 +54,7 @@ def test_every_method_runs(method):
 
 def test_a_stopped_run_goes_on(tmp_path):
     chosen = {'problems': ['A3'], 'sizes': ['1e3'], 'methods': ['ours', 'box']}
-    first = run_planted(tmp_path, seeds=[101], **chosen)
+    first = run_planted(tmp_path, seeds=[101], **chosen)['lines']
     file = tmp_path / 'planted.json'
     document = json.loads(file.read_text())
     document['lines']['A3, 1e3, 101, ours']['f1'] = 0.123
@@ -59,7 +62,7 @@ def test_a_stopped_run_goes_on(tmp_path):
     calls = []
     both = run_planted(
         tmp_path, seeds=[101, 102], progress=lambda *call: calls.append(call), **chosen
-    )
+    )['lines']
     assert calls == [(3, 4), (4, 4)]
     assert both['A3, 1e3, 101, ours']['f1'] == 0.123
     assert set(first) < set(both)
@@ -71,8 +74,13 @@ def test_a_null_has_no_score_in_the_table():
     assert '| A6 | 1e3 | box | 1 | - | - | - | - |' in table({'one': line})
 
 
-def test_names_that_are_not_known_are_told(tmp_path, capsys):
-    with pytest.raises(OccError, match="there is no problem 'A99'; allowed are A1, A2"):
+def test_names_that_are_not_known_are_told(tmp_path):
+    with pytest.raises(ConfigurationError, match="there is no problem 'A99'; allowed are A1, A2"):
         run_planted(tmp_path, problems=['A99'])
-    assert main(['-o', str(tmp_path), '--methods', 'magic']) == 2
-    assert "planted: there is no method 'magic'" in capsys.readouterr().err
+
+
+def test_on_the_command_line(tmp_path):
+    named = ['--problem', 'A3', '--size', '1e3', '--seed', '101', '--method', 'box', '-o']
+    done = CliRunner().invoke(cli, ['planted', *named, str(tmp_path)])
+    assert done.exit_code == 0, done.output
+    assert '| A3 | 1e3 | box | 1 |' in done.output

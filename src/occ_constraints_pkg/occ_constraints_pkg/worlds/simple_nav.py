@@ -17,8 +17,8 @@ _GOAL_RADIUS = 0.03
 _GOAL_BONUS = 1.0
 # Each axis moves by at most this much in a step, so a step is at most 0.035 long.
 STEP_LENGTH = 0.025
-_FORBIDDEN_X_BELOW = 0.7
-_FORBIDDEN_Y_ABOVE = 0.3
+FORBIDDEN_X_BELOW = 0.7
+FORBIDDEN_Y_ABOVE = 0.3
 _START_JITTER = 0.01
 
 
@@ -74,4 +74,4 @@ class SimpleNav(World):
 
     def _cost(self) -> np.ndarray:
         x, y = self._position.T
-        return ((x < _FORBIDDEN_X_BELOW) & (y > _FORBIDDEN_Y_ABOVE)).astype(np.float64)
+        return ((x < FORBIDDEN_X_BELOW) & (y > FORBIDDEN_Y_ABOVE)).astype(np.float64)

@@ -126,7 +126,9 @@ def run_one(problem: str, size: str, seed: int, method: str) -> dict[str, Any]:
     line: dict[str, Any] = dict.fromkeys(('f1', 'precision', 'recall'))
     if not drawn.is_null:
         score = score_flags(learned.flags(drawn.states), drawn.violated)
-        line = {name: _rounded(getattr(score, name)) for name in line}
+        # A learner that flags nothing has no precision.
+        found = {name: _rounded(getattr(score, name)) for name in line}
+        line = {name: None if np.isnan(value) else value for name, value in found.items()}
     conditional = learned.conditional_flags
     return {
         'problem': problem,

@@ -17,6 +17,7 @@ from occ_constraints_pkg.demonstrations.learning import learn_from_files
 from occ_constraints_pkg.documents import parse_yaml
 from occ_constraints_pkg.features.feature_map import FeatureMap, load_feature_map
 from occ_constraints_pkg.features.lateness import MAX_LAG_SECONDS
+from occ_constraints_pkg.learning.conditional.settings import chosen_conditions
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.rosbag.recording import Recording
 from occ_constraints_pkg.rules.constraints_file import Constraints, load_constraints
@@ -85,6 +86,8 @@ def learn(
     paths: Paths,
     feature_map: FeatureMap | str | Path | None = None,
     *,
+    conditions: str = 'none',
+    apart: Sequence[tuple[str, str]] = (),
     false_alarm: float | None = None,
     calibrate_on: Paths = (),
     seed: int = 0,
@@ -99,6 +102,9 @@ def learn(
             or ``.parquet`` tables.
         feature_map: a map, the path of one, or the name of a built-in one. Recordings need it;
             without one every column of a table is a feature.
+        conditions: ``none``, or ``pairs`` or ``triples`` to look for rules about two, or up to
+            three, features as well.
+        apart: pairs of features or families that no such rule may combine.
         false_alarm: largest probability of an alarm in a fresh safe episode; ``None`` for no
             guarantee.
         calibrate_on: safe episodes for that guarantee, from which nothing is learned; none: held-
@@ -129,6 +135,7 @@ def learn(
         feature_map,
         OCTreeSettings(**settings),
         rng=np.random.default_rng(seed),
+        conditional=chosen_conditions(conditions, apart),
         false_alarm=false_alarm,
         calibrate_on=_listed(calibrate_on),
         warn=sentences.append,

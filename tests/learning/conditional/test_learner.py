@@ -129,12 +129,6 @@ def test_what_is_kept_apart_is_not_combined():
     assert learn(speed_by_mode(), SPEEDY, settings).rules == ()
 
 
-def test_conditions_can_be_left_out():
-    learned = learn(speed_by_mode(), SPEEDY, ConditionalSettings(conditions='none'))
-    assert learned.rules == ()
-    assert learned.flagged([[99.0, 2.0, 0.0]] @ np.eye(3)).tolist() == [True]
-
-
 def test_episodes_of_one_recording_prove_things_once():
     values = speed_by_mode()
     assert learn(values, SPEEDY, recordings=EPISODES // 12).rules == ()
@@ -165,13 +159,13 @@ def test_bounds_at_the_extremes_move_outward_and_others_stay():
     box = extent(values)
     box[1] = -0.5, 0.5
     features = [Feature('free', low=box[0, 0] - 0.01), Feature('cut')]
-    settings = ConditionalSettings(conditions='none')
+    settings = ConditionalSettings(most_rules=0)
     learned = learn_conditional(values, EPISODES, features, settings, bounds=box)
     assert learned.box[0, 0] == box[0, 0] - 0.01
     assert learned.box[0, 1] > box[0, 1]
     np.testing.assert_array_equal(learned.box[1], box[1])
     np.testing.assert_array_equal(learned.demonstrated, extent(values))
-    fixed = ConditionalSettings(conditions='none', outside=None)
+    fixed = ConditionalSettings(most_rules=0, outside=None)
     np.testing.assert_array_equal(
         learn_conditional(values, EPISODES, features, fixed, bounds=box).box, box
     )

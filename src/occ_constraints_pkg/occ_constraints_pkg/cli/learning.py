@@ -47,6 +47,19 @@ from occ_constraints_pkg.learning.settings import OCTreeSettings
 )
 @tree_options
 @click.option(
+    '--conditions',
+    default='none',
+    show_default=True,
+    type=click.Choice(['none', 'pairs', 'triples']),
+    help='Look for rules about two, or up to three, features as well.',
+)
+@click.option(
+    '--apart',
+    multiple=True,
+    metavar='A,B',
+    help='With --conditions: features or families that no rule may combine; may be repeated.',
+)
+@click.option(
     '--false-alarm',
     type=float,
     help='Move the bounds outward until a fresh safe episode raises an alarm with at most this '
@@ -82,6 +95,8 @@ def learn(
     paths: tuple[str, ...],
     map_name: str | None,
     output: str | None,
+    conditions: str,
+    apart: tuple[str, ...],
     false_alarm: float | None,
     calibrate_on: tuple[str, ...],
     compare_depths: bool,
@@ -102,7 +117,8 @@ def learn(
     settings = tree_settings(**tree)
     if compare_depths:
         refuse_options(
-            ('false_alarm', 'calibrate_on', 'overwrite'), 'has no effect with --compare-depths'
+            ('conditions', 'apart', 'false_alarm', 'calibrate_on', 'overwrite'),
+            'has no effect with --compare-depths',
         )
         _compare_depths(paths, map_name, scored, output or 'results', settings, seed, as_json)
         return
@@ -111,9 +127,11 @@ def learn(
 
     from occ_constraints_pkg.demonstrations.learning import learn_from_files
     from occ_constraints_pkg.features.feature_map import load_feature_map
+    from occ_constraints_pkg.learning.conditional.settings import chosen_conditions
     from occ_constraints_pkg.learning.guarantee import loss_words
     from occ_constraints_pkg.rules.constraints_file import save_learned
 
+    conditional = chosen_conditions(conditions, [tuple(pair.split(',')) for pair in apart])
     output = output or 'constraints.yaml'
     check_outputs({output: CONSTRAINTS}, [*paths, *calibrate_on, *([map_name] if map_name else [])])
     warnings: list[str] = []
@@ -123,6 +141,7 @@ def learn(
             None if map_name is None else load_feature_map(map_name),
             settings,
             rng=np.random.default_rng(seed),
+            conditional=conditional,
             false_alarm=false_alarm,
             calibrate_on=calibrate_on,
             progress=progress,

@@ -72,6 +72,30 @@ class Dataset:
         chosen = {name: getattr(self, name) for name in columns}
         return replace(self, **{name: None if c is None else c[rows] for name, c in chosen.items()})
 
+    @property
+    def independent(self) -> np.ndarray:
+        """(n,) int64, the same number for rows of episodes that depend on each other.
+
+        Robots that were recorded at the same time meet the same traffic. So where any two episodes
+        of a recording overlap in time, all of the recording is one; else, and in table files, each
+        episode is one. Of a single recording only the episodes can be counted.
+        """
+        names, numbers = np.unique(self.episodes, return_inverse=True)
+        if self.times_ns is None or self.recordings is None or len(self.sources) < 2:
+            return numbers
+        starts, ends = np.full(len(names), np.iinfo(np.int64).max), np.full(len(names), -1)
+        np.minimum.at(starts, numbers, self.times_ns)
+        np.maximum.at(ends, numbers, self.times_ns)
+        recordings = np.zeros(len(names), dtype=np.int64)
+        recordings[numbers] = self.recordings
+        together = np.arange(len(names))
+        for recording in np.unique(recordings):
+            own = np.flatnonzero(recordings == recording)
+            own = own[np.argsort(starts[own], kind='stable')]
+            if (starts[own][1:] < np.maximum.accumulate(ends[own])[:-1]).any():
+                together[own] = own[0]
+        return together[numbers]
+
     def origin(self, row: int) -> dict[str, int]:
         """Return where a row came from, as plain values.
 

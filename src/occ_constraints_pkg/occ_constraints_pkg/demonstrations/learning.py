@@ -14,9 +14,15 @@ from occ_constraints_pkg.datasets.reading import read_demonstrations
 from occ_constraints_pkg.demonstrations.concerns import concerns
 from occ_constraints_pkg.errors import ConfigurationError, DataError
 from occ_constraints_pkg.features.feature_map import FeatureMap
+from occ_constraints_pkg.learning.conditional import ConditionalSettings
+from occ_constraints_pkg.learning.conditional.formula import check_combination
 from occ_constraints_pkg.learning.learn import learn
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.rules.constraints_file import Constraints
+from occ_constraints_pkg.wording import count_of
+
+# Fewer episodes hardly ever prove that a corner is empty for a reason.
+_FEW_EPISODES = 20
 
 
 def learn_from_files(
@@ -25,6 +31,7 @@ def learn_from_files(
     settings: OCTreeSettings,
     *,
     rng: np.random.Generator,
+    conditional: ConditionalSettings | None = None,
     false_alarm: float | None = None,
     calibrate_on: Sequence[str | Path] = (),
     progress: Callable[[int, int], None] | None = None,
@@ -38,6 +45,8 @@ def learn_from_files(
             so that they can be monitored.
         settings: the tree learner's parameters.
         rng: chooses the held-out episodes.
+        conditional: look for rules with several literals as well; ``None`` for none. Evidence is
+            counted by :attr:`.Dataset.independent`.
         false_alarm: largest probability of an alarm in a fresh safe episode, see
             :func:`~occ_constraints_pkg.learning.learn.learn`; ``None`` for no guarantee.
         calibrate_on: recordings or tables of safe episodes for that guarantee, from which nothing
@@ -47,9 +56,10 @@ def learn_from_files(
             what is likely not meant, see :mod:`~occ_constraints_pkg.demonstrations.concerns`.
 
     Raises:
-        OccError: a file cannot be read or lacks a feature, no sample is usable, or there are too
-            few episodes for the guarantee.
+        OccError: a file cannot be read or lacks a feature, no sample is usable, there are too
+            few episodes for the guarantee, or settings do not go together.
     """
+    check_combination(conditional, settings, false_alarm)
     if calibrate_on and false_alarm is None:
         raise ConfigurationError('calibrate_on is given without false_alarm; give both or neither')
     data, space = read_demonstrations(paths, feature_map, progress=progress)
@@ -72,6 +82,8 @@ def learn_from_files(
         space,
         settings,
         rng=rng,
+        conditional=conditional,
+        independent=None if conditional is None else data.independent,
         false_alarm=false_alarm,
         safe_episodes=safe_episodes,
         feature_map=None if feature_map is None else feature_map.to_document(),
@@ -81,6 +93,7 @@ def learn_from_files(
     )
     if warn is not None:
         sentences = [*_damage(data, constraints), *repeats, *concerns(data, space, settings)]
+        sentences += [] if conditional is None else _of_conditions(data, constraints)
         for sentence in (*sentences, *(() if safe is None else safe.warnings)):
             warn(sentence)
     return constraints
@@ -95,4 +108,19 @@ def _damage(data: Dataset, constraints: Constraints) -> list[str]:
         *data.warnings,
         f'{unusable} of {len(data)} samples were left out: a value was missing, not finite or '
         'outside its physical bounds',
+    ]
+
+
+def _of_conditions(data: Dataset, constraints: Constraints) -> list[str]:
+    """Return why no conditional rule was found, if that is because of few episodes."""
+    groups, episodes = len(np.unique(data.independent)), len(np.unique(data.episodes))
+    found = any(len(rule.literals) > 1 for rule in constraints.rules)
+    if found or groups >= _FEW_EPISODES:
+        return []
+    counted = count_of(groups, 'episode')
+    if groups < episodes:
+        counted = f'{count_of(groups, "recording")} with episodes at the same time'
+    return [
+        f'no conditional rule was found in {counted}; fewer than {_FEW_EPISODES} hardly ever prove '
+        'that a combination of values is avoided'
     ]

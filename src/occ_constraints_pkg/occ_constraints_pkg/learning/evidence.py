@@ -13,6 +13,7 @@ import numpy as np
 
 from occ_constraints_pkg.documents import did_you_mean
 from occ_constraints_pkg.errors import ConfigurationError
+from occ_constraints_pkg.learning.conditional.rules import ConditionalRule
 from occ_constraints_pkg.rules.constraints_file import Constraints
 from occ_constraints_pkg.rules.rule import Literal, Rule
 from occ_constraints_pkg.rules.ruleset import RuleSet
@@ -23,6 +24,8 @@ from occ_constraints_pkg.terminal import printable
 NEAR = 0.01
 # Longer formulas have no evidence: nobody would read it, and every program would have to parse it.
 MOST_LITERALS = 2000
+# Of conditional rules only, see ConditionalRule.
+_PROOF = ('expected', 'seen', 'evidence')
 # Samples listed per bound, each of another episode.
 _MOST_NAMED = 3
 
@@ -132,6 +135,7 @@ def evidence_document(
     evidence: Iterable[RuleEvidence],
     space: FeatureSpace,
     origin: Callable[[int], Mapping[str, int]],
+    conditional: Mapping[str, ConditionalRule],
 ) -> dict[str, Any]:
     """Return evidence as plain values for the constraints file.
 
@@ -141,6 +145,7 @@ def evidence_document(
         evidence: of each rule.
         space: the features.
         origin: maps the position of a sample to its source; may be empty.
+        conditional: by its id, what a rule stands for that says more than the box does.
     """
     names = space.names
     return {
@@ -150,6 +155,7 @@ def evidence_document(
                 'id': item.rule.id,
                 'formula': item.rule.formula(space),
                 'flagged': item.flagged,
+                **_proof(conditional.get(item.rule.id)),
                 'literals': [
                     {
                         'near': part.near,
@@ -169,6 +175,11 @@ def evidence_document(
             for item in evidence
         ],
     }
+
+
+def _proof(rule: ConditionalRule | None) -> dict[str, float]:
+    """Return why a conditional rule is no chance; empty for other rules."""
+    return {} if rule is None else {name: float(getattr(rule, name)) for name in _PROOF}
 
 
 def _extreme(
@@ -245,6 +256,7 @@ def why_document(constraints: Constraints, rule_id: str) -> dict[str, Any]:
         **document,
         'missing': None,
         'flagged': learned['flagged'],
+        **{name: learned[name] for name in _PROOF if name in learned},
         'near': constraints.evidence['near'],
         'literals': [
             {
@@ -266,6 +278,11 @@ def describe_why(document: Mapping[str, Any]) -> str:
     if document['missing']:
         lines.append(f'no evidence: {document["missing"]}')
         return '\n'.join(map(printable, lines))
+    if all(name in document for name in _PROOF):
+        lines.append(
+            f'expected {document["expected"]:.1%} of the time, seen {document["seen"]:.2%}, '
+            f'evidence {document["evidence"]:.0f}'
+        )
     lines.append(
         f'training samples beyond its bounds, taken for outliers: {document["flagged"]}'
         if document['flagged']

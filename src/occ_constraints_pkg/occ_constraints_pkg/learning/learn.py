@@ -20,6 +20,9 @@ from occ_constraints_pkg.learning.calibration import (
     least_false_alarm,
     space_limits,
 )
+from occ_constraints_pkg.learning.conditional import ConditionalSettings
+from occ_constraints_pkg.learning.conditional.formula import check_combination, learn_formula
+from occ_constraints_pkg.learning.conditional.rules import ConditionalRule
 from occ_constraints_pkg.learning.evidence import (
     MOST_LITERALS,
     evidence_document,
@@ -49,6 +52,8 @@ def learn(
     settings: OCTreeSettings | None = None,
     *,
     rng: np.random.Generator,
+    conditional: ConditionalSettings | None = None,
+    independent: np.ndarray | None = None,
     held_out_share: float = 0.2,
     false_alarm: float | None = None,
     safe_episodes: tuple[np.ndarray, np.ndarray] | None = None,
@@ -69,6 +74,10 @@ def learn(
         space: the features.
         settings: the tree learner's parameters; ``None`` for the defaults.
         rng: chooses the held-out episodes.
+        conditional: look for rules with several literals as well; samples of an episode are then
+            in the order of time. ``None`` for the tree learner alone.
+        independent: (n,) what evidence for conditional rules is counted by, where that is not the
+            episode: a label for each sample, the same for episodes that depend on each other.
         held_out_share: share of episodes to hold out when there are five or more.
         false_alarm: largest probability that a fresh safe episode has a violation; bounds are
             moved outward for that, see :mod:`~occ_constraints_pkg.learning.calibration`. ``None``
@@ -83,9 +92,11 @@ def learn(
 
     Raises:
         DataError: there is no usable sample, or the share is not within 0 to 1.
-        ConfigurationError: there are too few episodes for the stated probability.
+        ConfigurationError: there are too few episodes for the stated probability, or settings
+            that do not go together.
     """
     settings = settings if settings is not None else OCTreeSettings()
+    check_combination(conditional, settings, false_alarm)
     needed = 0 if false_alarm is None or safe_episodes is not None else episodes_needed(false_alarm)
     samples = divide_samples(
         values,
@@ -101,10 +112,18 @@ def learn(
     training = samples.training
     tree = grow(training, space, settings, progress=progress)
     demonstrated = samples.demonstrated(space, settings)
-    formula = extract_and_simplify(
-        tree, space, demonstrated, full_conditions=settings.full_conditions
-    )
     calibration: dict[str, Any] = {}
+    origins: Mapping[str, ConditionalRule] = {}
+    if conditional is None:
+        formula = extract_and_simplify(
+            tree, space, demonstrated, full_conditions=settings.full_conditions
+        )
+    else:
+        labels = samples.episodes if independent is None else independent[samples.positions]
+        found = learn_formula(
+            tree, training, samples.episodes, space, demonstrated, conditional, labels
+        )
+        tree, formula, origins = found.tree, found.formula, found.origins
     if false_alarm is not None and safe_episodes is not None:
         tree, formula, calibration = _calibrated(
             tree, formula, safe_episodes, false_alarm, settings.full_conditions
@@ -129,6 +148,7 @@ def learn(
             gather_evidence(rule_set, training, safe, samples.episodes, families(space, settings)),
             space,
             lambda row: {} if origin is None else origin(samples.positions[row]),
+            origins,
         )
     provenance = {
         'created': datetime.now(UTC).isoformat(timespec='seconds'),
@@ -146,6 +166,7 @@ def learn(
             'extracted_rules': formula.before[0],
             'extracted_literals': formula.before[1],
             **({'calibration': calibration} if calibration else {}),
+            **({} if conditional is None else {'conditional': conditional.document()}),
         },
         coverage,
         provenance,

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import DataError
 from occ_constraints_pkg.learning.conditional.acceptance import MOST_OUTSIDE, Found, is_empty
 from occ_constraints_pkg.learning.conditional.bounds import (
     demonstrated_ranges,
@@ -56,7 +56,8 @@ def learn_conditional(
             happens in one recording proves things only once. ``None``: episodes are independent.
 
     Raises:
-        OccError: shapes do not fit, a value is not finite, or a name is unknown.
+        DataError: shapes do not fit, or a value is not finite.
+        ConfigurationError: ``apart`` has an unknown name.
     """
     settings = settings if settings is not None else ConditionalSettings()
     values, episodes = _checked(values, episodes, features, bounds, recordings)
@@ -67,7 +68,7 @@ def learn_conditional(
     demonstrated = demonstrated_ranges(values, groups)
     box, is_bad = fit_box(table, bounds, demonstrated, limits, settings.outside)
     rules: tuple[ConditionalRule, ...] = ()
-    if settings.conditions != 'none' and units:
+    if units:
         kept = inside_box(values, box, demonstrated)[table.order]
         table = Table(values, units, table.order[kept], episodes)
         if not is_bad[kept].all():
@@ -85,19 +86,19 @@ def _checked(
 ) -> tuple[np.ndarray, np.ndarray]:
     rows = np.asarray(values, dtype=np.float64)
     if rows.ndim != 2 or rows.shape[1] != len(features) or not rows.size:
-        raise OccError(
+        raise DataError(
             f'samples have shape {rows.shape}; allowed is (n, {len(features)}), n of 1 or more'
         )
     for name, labels in (('episodes', episodes), ('recordings', recordings)):
         if labels is not None and np.shape(labels) != (len(rows),):
-            raise OccError(f'{name} have shape {np.shape(labels)}; allowed is ({len(rows)},)')
+            raise DataError(f'{name} have shape {np.shape(labels)}; allowed is ({len(rows)},)')
     if np.shape(bounds) != (len(features), 2):
-        raise OccError(f'bounds have shape {np.shape(bounds)}; allowed is ({len(features)}, 2)')
+        raise DataError(f'bounds have shape {np.shape(bounds)}; allowed is ({len(features)}, 2)')
     with np.errstate(over='ignore', invalid='ignore'):
         glance = rows.sum()
     if not np.isfinite(glance) and not np.isfinite(rows).all():
         row, column = np.argwhere(~np.isfinite(rows))[0]
-        raise OccError(
+        raise DataError(
             f'sample {row} of {features[column].name!r} is {rows[row, column]}; allowed is a '
             'finite number'
         )

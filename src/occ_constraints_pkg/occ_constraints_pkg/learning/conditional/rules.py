@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError
 
 _COMPARE = {'<': operator.lt, '<=': operator.le, '>': operator.gt, '>=': operator.ge}
 
@@ -48,7 +48,7 @@ class Literal:
         family: name of the family; empty for a feature.
 
     Raises:
-        OccError: the operator is unknown, the bound is not finite, or there is no column.
+        ConfigurationError: the operator is unknown, the bound is not finite, or there is no column.
     """
 
     columns: tuple[int, ...]
@@ -58,13 +58,13 @@ class Literal:
 
     def __post_init__(self) -> None:
         if self.operator not in _COMPARE:
-            raise OccError(
+            raise ConfigurationError(
                 f'operator {self.operator!r} is not known; allowed are {" ".join(_COMPARE)}'
             )
         if not math.isfinite(self.bound):
-            raise OccError(f'bound: got {self.bound}; allowed is a finite number')
+            raise ConfigurationError(f'bound: got {self.bound}; allowed is a finite number')
         if not self.columns or (len(self.columns) > 1 and not self.family):
-            raise OccError(
+            raise ConfigurationError(
                 f'columns {self.columns} of a literal; allowed are one, or those of a family'
             )
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.learning.conditional.rules import Feature, Literal
 
 MOST_KINDS = 8
@@ -154,7 +154,7 @@ def pairs_of(
         apart: pairs of names, of features or families.
 
     Raises:
-        OccError: a name is neither a feature nor a family.
+        ConfigurationError: a name is neither a feature nor a family.
     """
     families = families_of(features)
     positions = {feature.name: {number} for number, feature in enumerate(features)}
@@ -163,7 +163,7 @@ def pairs_of(
     for pair in apart:
         for name in pair:
             if name not in positions:
-                raise OccError(
+                raise ConfigurationError(
                     f'apart names {name!r}; allowed are the features and families '
                     f'{", ".join(positions)}'
                 )

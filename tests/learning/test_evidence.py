@@ -66,7 +66,7 @@ def test_members_of_a_family_hold_their_bound_together():
     )
     assert evidence[0].literals[0].near == 2
     assert evidence[0].literals[0].closest == ((0, 1, 1.0), (1, 0, 0.995))
-    document = evidence_document(evidence, space, lambda row: {'row': 10 * row})
+    document = evidence_document(evidence, space, lambda row: {'row': 10 * row}, {})
     assert document['rules'][0]['literals'][0]['closest'] == [
         {'value': 1.0, 'feature': 'b', 'row': 0},
         {'value': 0.995, 'row': 10},

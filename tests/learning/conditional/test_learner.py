@@ -12,7 +12,9 @@ from occ_constraints_pkg.learning.conditional import (
     Feature,
     learn_conditional,
 )
-from occ_constraints_pkg.learning.conditional.forest import safe_forest
+from occ_constraints_pkg.learning.conditional.formula import as_rules
+from occ_constraints_pkg.rules.space import Feature as SpaceFeature
+from occ_constraints_pkg.rules.space import FeatureSpace
 
 EPISODES = np.repeat(np.arange(60), 100)
 
@@ -215,19 +217,23 @@ def test_samples_that_cannot_be_learned_from():
         learn_conditional(values, EPISODES, SPEEDY, bounds=extent(values)[:2])
 
 
-def check_forest(learned, rng):
-    """Some rule is true exactly outside the union of boxes: on bounds, beside them, anywhere."""
+def check_rules(learned, features, rng):
+    """A rule of a file is true exactly outside the safe set: on bounds, beside them, anywhere."""
+    space = FeatureSpace(
+        tuple(SpaceFeature(item.name, '1', item.low, item.high, item.family) for item in features)
+    )
+    formula, _ = as_rules(learned, space, learned.demonstrated)
     bounds = [literal.bound for rule in learned.rules for literal in rule.literals]
     pool = np.array([*bounds, *learned.box[np.isfinite(learned.box)], 0.0])
     with np.errstate(over='ignore'):
         pool = np.concatenate([pool, np.nextafter(pool, np.inf), np.nextafter(pool, -np.inf)])
     rows = rng.choice(pool[np.isfinite(pool)], size=(400, len(learned.box)))
-    inside = np.all([tree.contains(rows) for tree in safe_forest(learned.rules)], axis=0)
-    np.testing.assert_array_equal(learned.flagged_by_rules(rows), ~(inside & np.ones(400, bool)))
+    rows = rows[space.knows(rows)]
+    np.testing.assert_array_equal(formula.rule_set.verdicts(rows) == 1, learned.flagged(rows))
 
 
-def test_rules_and_boxes_say_the_same():
-    check_forest(learn(speed_by_mode(), SPEEDY), np.random.default_rng(0))
+def test_rules_of_a_file_say_the_same():
+    check_rules(learn(speed_by_mode(), SPEEDY), SPEEDY, np.random.default_rng(0))
 
 
 @effort(max_examples=60, deadline=None)
@@ -240,13 +246,13 @@ def test_any_finite_samples_are_learned_from(data, rows, features, most_episodes
     described = [Feature(f'x{number}', family='f' * (number > 1)) for number in range(features)]
     families = [range(2, features)] if features > 3 else []
     learned = learn_conditional(values, episodes, described, bounds=extent(values, families))
-    check_forest(learned, np.random.default_rng(0))
+    check_rules(learned, described, np.random.default_rng(0))
     assert not learned.flagged_by_rules(values).any()
 
 
 @effort(max_examples=25, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 3), st.booleans())
-def test_rules_of_many_samples_say_the_same_as_their_boxes(seed, kinds, coarse):
+def test_rules_of_many_samples_say_the_same_in_a_file(seed, kinds, coarse):
     rng = np.random.default_rng(seed)
     values = np.column_stack([slow(rng), slow(rng), rng.integers(0, kinds + 1, 6_000)])
     corner = (values[:, 0] > rng.uniform(-0.5, 0.5)) & (values[:, 1] > rng.uniform(-0.5, 0.5))
@@ -254,6 +260,7 @@ def test_rules_of_many_samples_say_the_same_as_their_boxes(seed, kinds, coarse):
     values[(values[:, 2] == kinds) & (values[:, 1] < 0), 1] *= -1
     if coarse:
         values = np.round(values, 1)
-    learned = learn(values, [Feature(name) for name in 'abm'])
+    features = [Feature(name) for name in 'abm']
+    learned = learn(values, features)
     assert learned.rules
-    check_forest(learned, rng)
+    check_rules(learned, features, rng)

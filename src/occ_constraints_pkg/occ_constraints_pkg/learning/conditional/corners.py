@@ -150,7 +150,8 @@ class CornerSearch:
 
     def _try(self, pair: tuple[int, int]) -> Found | None:
         """Return the best corner of a pair as a rule; if it is refused, bar it."""
-        at = np.unravel_index(int(self._gains[pair].argmax()), self._gains[pair].shape)
+        gains = self._gains[pair]
+        at = [int(place) for place in np.unravel_index(int(gains.argmax()), gains.shape)]
         cuts = tuple(
             self._grids[unit].cuts[position] for unit, position in zip(pair, at, strict=True)
         )
@@ -265,11 +266,12 @@ class CornerSearch:
         everything = self.found
         self.found = everything[:position] + everything[position + 1 :]
         self._forbid()
-        pair = tuple(unit for unit, _, _ in rule.way)
-        one, other = (self._grids[unit] for unit in pair)
-        (_, side, _), (_, other_side, _) = rule.way
+        (first, side, _), (second, other_side, _) = rule.way
+        one, other = self._grids[first], self._grids[second]
         gain = np.where(
-            np.outer(one.sides == side, other.sides == other_side), self._gain(pair), -1.0
+            np.outer(one.sides == side, other.sides == other_side),
+            self._gain((first, second)),
+            -1.0,
         )
         a, b = np.unravel_index(int(gain.argmax()), gain.shape)
         better = self._judge((one.cuts[a], other.cuts[b]))

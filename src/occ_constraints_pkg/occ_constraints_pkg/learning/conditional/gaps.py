@@ -68,7 +68,8 @@ def _widest_gap(sample: Sample, unit: int, needed: float) -> Found | None:
     ordinary = ~np.isin(column, kinds[counts > _SENTINEL * len(sample)])
     if ordinary.mean() < _LEAST_ORDINARY:
         return None
-    edges = np.linspace(*np.quantile(column[ordinary], [_TAIL, 1 - _TAIL]), _CELLS + 1)
+    low, high = np.quantile(column[ordinary], [_TAIL, 1 - _TAIL]).tolist()
+    edges = np.linspace(low, high, _CELLS + 1)
     if not edges[0] < edges[-1]:
         return None
     below = np.concatenate(([0], np.cumsum(np.histogram(column[ordinary], edges)[0])))

@@ -68,18 +68,6 @@ class Literal:
                 f'columns {self.columns} of a literal; allowed are one, or those of a family'
             )
 
-    @property
-    def is_upper(self) -> bool:
-        """Whether the literal is true of small values."""
-        return self.operator in ('<', '<=')
-
-    @property
-    def reach(self) -> float:
-        """The last number, seen from inside, that makes the literal true."""
-        if self.operator in ('<=', '>='):
-            return self.bound
-        return math.nextafter(self.bound, -math.inf if self.is_upper else math.inf)
-
     def holds(self, values: np.ndarray) -> np.ndarray:
         """Tell for each of (n, k) samples whether the literal is true: (n,) bool."""
         compare = _COMPARE[self.operator]
@@ -108,11 +96,6 @@ class ConditionalRule:
     expected: float
     seen: float
     evidence: float
-
-    @property
-    def columns(self) -> frozenset[int]:
-        """The features that it speaks of."""
-        return frozenset(column for literal in self.literals for column in literal.columns)
 
     def holds(self, values: np.ndarray) -> np.ndarray:
         """Tell for each of (n, k) samples whether the rule is true: (n,) bool."""
@@ -143,7 +126,8 @@ class LearnedRules:
 
     def flagged_by_box(self, values: np.ndarray) -> np.ndarray:
         """Tell for each of (n, k) samples whether it lies outside the box: (n,) bool."""
-        return ((values < self.box[:, 0]) | (values > self.box[:, 1])).any(axis=1)
+        outside = (values < self.box[:, 0]) | (values > self.box[:, 1])
+        return np.asarray(outside.any(axis=1))
 
     def flagged_by_rules(self, values: np.ndarray) -> np.ndarray:
         """Tell for each of (n, k) samples whether a conditional rule is true: (n,) bool."""

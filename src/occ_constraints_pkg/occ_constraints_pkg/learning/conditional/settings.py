@@ -66,7 +66,7 @@ def chosen_conditions(
         ConfigurationError: a value is not allowed.
     """
     if conditions != 'none':
-        return ConditionalSettings(conditions, tuple(tuple(pair) for pair in apart))
+        return ConditionalSettings(conditions, tuple(apart))
     if apart:
         raise ConfigurationError(
             'apart has no effect with conditions none; allowed with it are pairs and triples'

@@ -60,6 +60,26 @@ def test_the_example_of_the_paper(occ, tmp_path):
     _assert_shows(pruned, prune)
 
 
+def test_the_corner_of_the_paper_without_other_options(occ, tmp_path):
+    (tmp_path / 'bags').symlink_to(ROOT / 'bags')
+    _, text = (DOCS / 'method.md').read_text(encoding='utf-8').split('## 8. Conditional rules')
+    ((commands, shown),) = STEPS.findall(text.partition('## Reproducing')[0])
+    _assert_shows(shown, ''.join(occ(line)[1] for line in _lines(commands, tmp_path)))
+
+
+def test_the_table_of_planted_problems_is_that_of_the_results():
+    text = (DOCS / 'method.md').read_text(encoding='utf-8')
+    results = (DOCS / 'results' / 'planted.md').read_text(encoding='utf-8').splitlines()
+    cells = {tuple(row[:3]): row for row in (line.strip('| ').split(' | ') for line in results)}
+    table = re.findall(r'^\| ([AB]\d), .*?\| (.*) \|$', text, re.MULTILINE)
+    assert len(table) == 12
+    for problem, line in table:
+        numbers = [cells[problem, size, 'ours'] for size in ('1e4', '1e5')]
+        shown = [row[index] for row in numbers for index in (4, 9, 11)]
+        shown += [cells[problem, '1e4', method][4] for method in ('box', 'CART')]
+        assert line.split(' | ') == shown
+
+
 def test_the_tutorial_on_recordings_of_a_robot(occ, tmp_path):
     robots = Path(os.environ.get('OCC_TEST_DATA', ROOT.parent / 'shared' / 'data')) / 'robots'
     if not robots.is_dir():

@@ -23,3 +23,25 @@ def test_select_takes_a_mask_or_numbers():
 def test_shapes_must_fit():
     with pytest.raises(OccError, match='got values of shape'):
         Dataset(('a', 'b'), np.zeros((3, 1)), np.zeros(3), np.zeros(3))
+
+
+def test_episodes_at_the_same_time_depend_on_each_other():
+    def independent(times, recordings=(0, 0, 0, 0, 1, 1), sources=2):
+        rows = len(times)
+        return Dataset(
+            ('x',),
+            np.zeros((rows, 1)),
+            np.arange(rows),
+            np.array([4, 4, 7, 7, 9, 9]),
+            times_ns=np.array(times),
+            recordings=np.array(recordings),
+            sources=tuple({'name': str(number)} for number in range(sources)),
+        ).independent.tolist()
+
+    one_after_the_other = [0, 5, 6, 9, 0, 9]
+    at_once = [0, 5, 3, 9, 0, 9]
+    assert independent(one_after_the_other) == [0, 0, 1, 1, 2, 2]
+    assert independent(at_once) == [0, 0, 0, 0, 2, 2]
+    # One recording by itself can only be counted by episodes.
+    assert independent(at_once, [0] * 6, 1) == [0, 0, 1, 1, 2, 2]
+    assert dataset([3, 3, 5]).independent.tolist() == [0, 0, 1]

@@ -1,0 +1,115 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""``occ learn --conditions`` from end to end."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import occ_constraints_pkg as occ_program
+import pytest
+from occ_constraints_pkg.rules.constraints_file import load_constraints
+
+BAG = Path(__file__).parents[2] / 'bags' / 'simple_nav_expert'
+
+
+@pytest.fixture
+def tables(tmp_path, monkeypatch):
+    """Go to a folder with tables of 40 and of 5 drives: fast or near, never both."""
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(0)
+    for name, count in (('drives', 40), ('few', 5)):
+        speed, gap = (np.repeat(rng.random(count * 25), 4) for _ in range(2))
+        speed[(gap < 0.5) & (speed > 0.5)] -= 0.5
+        table = np.column_stack([np.repeat(np.arange(count), 100), speed, gap])
+        header = 'episode,speed,gap'
+        np.savetxt(f'{name}.csv', table, delimiter=',', header=header, comments='')
+
+
+def conditional(constraints):
+    return [rule for rule in constraints.rules if len(rule.literals) > 1]
+
+
+def test_a_rule_on_two_features_is_found_shown_and_judged(tables, run_occ):
+    code, text, _ = run_occ('learn drives.csv -o rules.yaml --conditions pairs')
+    assert code == 0
+    (rule,) = conditional(load_constraints('rules.yaml'))
+    assert rule.words(load_constraints('rules.yaml').space) in text
+    assert {literal.feature for literal in rule.literals} == {0, 1}
+    shown = json.loads(run_occ(f'show rules.yaml --why {rule.id} --json')[1])
+    assert shown['expected'] > 0.1
+    assert shown['seen'] < 0.01
+    assert shown['evidence'] > 10
+    told = run_occ(f'show rules.yaml --why {rule.id}')[1]
+    assert (
+        f'expected {shown["expected"]:.1%} of the time, seen {shown["seen"]:.2%}, '
+        f'evidence {shown["evidence"]:.0f}\n'
+    ) in told
+    single = next(item for item in load_constraints('rules.yaml').rules if item != rule)
+    assert 'expected' not in run_occ(f'show rules.yaml --why {single.id}')[1]
+    Path('near.csv').write_text('speed,gap\n0.9,0.1\n0.9,0.9\n0.1,0.1\n')
+    assert run_occ('check near.csv -c rules.yaml')[0] == 1
+    assert f'1 x  {rule.id}' in run_occ('check near.csv -c rules.yaml')[1]
+
+
+def test_by_default_there_is_none(tables, run_occ):
+    assert run_occ('learn drives.csv -o rules.yaml')[0] == 0
+    constraints = load_constraints('rules.yaml')
+    assert conditional(constraints) == []
+    assert 'conditional' not in constraints.learner
+
+
+def test_what_is_kept_apart_is_not_combined(tables, run_occ):
+    options = '--conditions triples --apart gap,speed'
+    assert run_occ(f'learn drives.csv -o rules.yaml {options}')[0] == 0
+    constraints = load_constraints('rules.yaml')
+    assert conditional(constraints) == []
+    assert constraints.learner['conditional']['apart'] == [['gap', 'speed']]
+
+
+def test_few_drives_are_told_if_nothing_is_found(tables, run_occ):
+    told = json.loads(run_occ('learn few.csv -o rules.yaml --conditions pairs --json')[1])
+    assert told['warnings'][-1] == (
+        'no conditional rule was found in 5 episodes; fewer than 20 hardly ever prove that a '
+        'combination of values is avoided'
+    )
+    told = json.loads(run_occ('learn drives.csv -o rules.yaml --conditions pairs --json')[1])
+    assert told['warnings'] == []
+
+
+def test_a_program_does_the_same(tables, run_occ):
+    run_occ('learn drives.csv -o rules.yaml --conditions triples')
+    learned = occ_program.learn('drives.csv', conditions='triples')
+    assert learned.rules == load_constraints('rules.yaml').rules
+    apart = occ_program.learn('drives.csv', conditions='triples', apart=[('speed', 'gap')])
+    assert conditional(apart) == []
+
+
+def test_the_rule_of_the_paper_is_found_in_the_shipped_bag():
+    constraints = occ_program.learn(BAG, 'simple_nav', conditions='triples')
+    (rule,) = conditional(constraints)
+    left, above = rule.literals
+    assert (left.feature, left.operator, above.feature, above.operator) == (0, '<', 1, '>')
+    assert 0.65 < left.bound < 0.75
+    assert 0.27 < above.bound < 0.32
+
+
+@pytest.mark.parametrize(
+    ('options', 'sentence'),
+    [
+        ('--conditions pairs --faithful', 'conditions are looked for within a box, got clip den'),
+        ('--conditions pairs --alpha 0.5', 'got clip mass, alpha 0.5, full_conditions False'),
+        ('--conditions pairs --full-conditions', 'or conditions none'),
+        ('--conditions pairs --false-alarm 0.1', 'false_alarm 0.1 is given with conditions pairs'),
+        ('--conditions pairs --apart speed,x', "apart names 'x'; allowed are the features and"),
+        ('--conditions pairs --apart speed', "apart names ('speed',); allowed are pairs of names"),
+        ('--apart speed,gap', 'apart has no effect with conditions none'),
+        ('--conditions pairs --compare-depths', '--conditions has no effect with --compare-depths'),
+    ],
+)
+def test_what_does_not_go_together_is_told_in_one_sentence(tables, run_occ, options, sentence):
+    code, text, error = run_occ(f'learn drives.csv -o rules.yaml {options}')
+    assert (code, text) == (2, '')
+    assert sentence in error
+    assert error.count('\n') == 1
+    assert not Path('rules.yaml').exists()

@@ -6,9 +6,10 @@ import json
 from pathlib import Path
 
 import numpy as np
-import occ_constraints_pkg as occ_program
 import pytest
 from occ_constraints_pkg.rules.constraints_file import load_constraints
+
+import occ_constraints_pkg as occ_program
 
 BAG = Path(__file__).parents[2] / 'bags' / 'simple_nav_expert'
 

@@ -141,13 +141,16 @@ def _within(box: np.ndarray, demonstrated: np.ndarray) -> np.ndarray:
 
 def _moved(tree: Node, box: np.ndarray, values: np.ndarray) -> Node:
     """Return a chain of splits with its bounds replaced by those of a box."""
-    if tree.feature is None:
-        return tree
-    low, high = box[tree.feature].tolist()
-    column = values[:, tree.feature]
-    inside = values[(column >= low) & (column <= high)]
-    below = _moved(tree.branches[0].node, box, inside)
-    return Node(tree.feature, (Branch(low, high, len(inside), below),))
+    inside, splits = np.ones(len(values), dtype=bool), []
+    while tree.feature is not None:
+        low, high = box[tree.feature].tolist()
+        column = values[:, tree.feature]
+        inside &= (column >= low) & (column <= high)
+        splits.append((tree.feature, Branch(low, high, int(inside.sum()), Node())))
+        tree = tree.branches[0].node
+    for feature, branch in reversed(splits):
+        tree = Node(feature, (replace(branch, node=tree),))
+    return tree
 
 
 def _expanded(rule: ConditionalRule) -> Iterator[tuple[Literal, ...]]:

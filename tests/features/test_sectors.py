@@ -125,3 +125,10 @@ def test_what_has_no_angles(messages):
     extractor = FeatureExtractor(FeatureMap.from_document(document, 'map'))
     with pytest.raises(OccError, match="asks for a sector, but .*Imu has no fields 'angle_min'"):
         extractor.push('imu', messages.imu(messages.quaternion(0.0, 0.0, 0.0, 1.0)), 1)
+
+
+def test_a_value_too_close_is_kept_where_nothing_else_was_measured(messages):
+    """-Inf is never dropped, though it is what stands for nothing in a maximum."""
+    scan = messages.scan([-math.inf, math.nan, 0.0, 2.0], step=TURN / 4)
+    found = sectors(scan, 4, missing='drop', reduce='max')
+    np.testing.assert_equal(found, {'front': -math.inf, 'left': np.nan, 'rear': np.nan, 'right': 2})

@@ -15,9 +15,9 @@ from occ_constraints_pkg.learning.calibration import (
     space_limits,
 )
 from occ_constraints_pkg.learning.extraction import extract_rules
-from occ_constraints_pkg.learning.guarantee import loss_words, promise_words
+from occ_constraints_pkg.learning.guarantee import loss_words, guarantee_words
 from occ_constraints_pkg.learning.learn import learn
-from occ_constraints_pkg.learning.rules_text import describe_promise
+from occ_constraints_pkg.learning.rules_text import describe_guarantee
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.learning.simplification import extract_and_simplify
 from occ_constraints_pkg.learning.tree import Branch, Node
@@ -198,10 +198,10 @@ def test_learning_keeps_the_promise_on_fresh_episodes_and_writes_it_down():
     read = parse_constraints(learned.dumps(), 'text')
     assert not read.is_edited
     assert read.learner['calibration'] == calibration
-    assert 'probability at most 0.2 (bound 0.143 from 6 safe episodes' in promise_words(calibration)
-    assert describe_promise(read) == promise_words(calibration)
+    assert 'probability at most 0.2 (bound 0.143 from 6 safe episodes' in guarantee_words(calibration)
+    assert describe_guarantee(read) == guarantee_words(calibration)
     edited = read.with_rule_set(type(read.rule_set)(PLANE, (), read.rule_set.demonstrated))
-    assert 'edited since' in describe_promise(edited)
+    assert 'edited since' in describe_guarantee(edited)
 
 
 def test_without_a_promise_nothing_is_moved_and_nothing_written():
@@ -210,7 +210,7 @@ def test_without_a_promise_nothing_is_moved_and_nothing_written():
     plain = learn(rows, names, PLANE, options, rng=np.random.default_rng(0))
     promised = learn(rows, names, PLANE, options, rng=np.random.default_rng(0), false_alarm=0.2)
     assert 'calibration' not in plain.learner
-    assert describe_promise(plain) == ''
+    assert describe_guarantee(plain) == ''
     # The scale of the margin and the ids stay; the bounds do not.
     np.testing.assert_array_equal(plain.rule_set.demonstrated, promised.rule_set.demonstrated)
     moved = promised.learner['calibration']['margin']
@@ -247,7 +247,7 @@ def test_other_episodes_can_be_calibrated_on_and_unusable_samples_are_left_out()
     calibration = learned.learner['calibration']
     assert (calibration['episodes'], calibration['margin']) == (9, 0.0)
     assert learned.coverage['held_out_episodes'] == 6
-    assert 'no bound had to be moved' in promise_words(calibration)
+    assert 'no bound had to be moved' in guarantee_words(calibration)
     assert loss_words(calibration) == ''
 
 
@@ -265,7 +265,7 @@ def test_a_bound_at_a_physical_limit_stays_there_and_a_rule_beyond_it_vanishes()
     ] == []
     vanished = learned.learner['calibration']['vanished']
     assert any('d above 0.' in words for words in vanished)
-    assert 'rules vanished' in loss_words(learned.learner['calibration'])
+    assert 'rules dropped' in loss_words(learned.learner['calibration'])
     assert learned.rule_set.verdicts(safe).tolist() == [Verdict.SAFE]
 
 

@@ -126,7 +126,7 @@ class PPOLagrangianConfig:
         least = self.rollout_steps * robots
         if steps < least:
             raise ConfigurationError(
-                f'{name} is {steps}, which ends training before the first update; allowed is '
+                f'{name} is {steps}, which ends a training before its first update; allowed is '
                 f'{least} or more: rollout_steps {self.rollout_steps} x robots {robots}'
             )
 

@@ -164,7 +164,7 @@ class ArrayReductions:
         for pieces in self._extremes:
             numbers[:, pieces.columns] = pieces.find(values, measured)
         for column, reduction, beams in self._sums:
-            lines = np.ascontiguousarray(values[:, beams], dtype=np.float64)
+            lines = values[:, beams].astype(np.float64, order='C', copy=False)
             if measured is None and reduction == 'mean':
                 numbers[:, column] = lines.mean(axis=1)
                 continue

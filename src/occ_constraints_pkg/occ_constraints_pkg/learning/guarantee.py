@@ -50,7 +50,7 @@ class Calibration:
         return {**asdict(self), 'vanished': list(self.vanished)}
 
 
-def promise_words(calibration: Mapping[str, Any]) -> str:
+def guarantee_words(calibration: Mapping[str, Any]) -> str:
     """Return the guarantee that a constraints file records (see :meth:`Calibration.document`)."""
     moved = (
         f'bounds were moved outward by {calibration["margin"]:.3g} of the demonstrated ranges'

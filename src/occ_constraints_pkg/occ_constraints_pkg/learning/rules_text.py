@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from occ_constraints_pkg.learning.guarantee import promise_words
+from occ_constraints_pkg.learning.guarantee import guarantee_words
 from occ_constraints_pkg.learning.simplification import size
 from occ_constraints_pkg.rules.constraints_file import Constraints
 from occ_constraints_pkg.rules.listing import rules_document
@@ -38,7 +38,7 @@ def describe_guarantee(constraints: Constraints) -> str:
     if not calibration:
         return ''
     edited = '; the rules were edited since, and this was not checked again'
-    return promise_words(calibration) + (edited if constraints.is_edited else '')
+    return guarantee_words(calibration) + (edited if constraints.is_edited else '')
 
 
 def describe_file(constraints: Constraints) -> str:

@@ -15,7 +15,7 @@ from occ_constraints_pkg.demonstrations.learning import learn_from_files
 from occ_constraints_pkg.errors import ConfigurationError, OccError
 from occ_constraints_pkg.features.extractor import FeatureExtractor
 from occ_constraints_pkg.features.feature_map import load_feature_map
-from occ_constraints_pkg.learning.guarantee import loss_words, promise_words
+from occ_constraints_pkg.learning.guarantee import loss_words, guarantee_words
 from occ_constraints_pkg.learning.learn import learn
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.ros.clocks import ArrivalClock
@@ -170,7 +170,7 @@ class TreeLearner(OccNode):
         self._publisher.publish(String(data=constraints.dumps()))
         calibration = constraints.learner.get('calibration')
         if calibration:
-            text += f'. {promise_words(calibration)}'
+            text += f'. {guarantee_words(calibration)}'
             if calibration['vanished']:
                 self.get_logger().warning(loss_words(calibration))
         self.get_logger().info(text)

@@ -95,7 +95,7 @@ def learn(
     What is damaged, left out or likely not meant is reported as a Python warning.
 
     Args:
-        paths: rosbag2 directories, MCAP files, or manifests that list them; or ``.npz``, ``.csv``
+        paths: rosbag2 directories, storage files, or manifests that list them; or ``.npz``, ``.csv``
             or ``.parquet`` tables.
         feature_map: a map, the path of one, or the name of a built-in one. Recordings need it;
             without one every column of a table is a feature.
@@ -198,7 +198,7 @@ def suggest_feature_map(path: str | Path) -> FeatureMap:
     the recording lacks is reported as a Python warning.
 
     Args:
-        path: a rosbag2 directory or an MCAP file.
+        path: a rosbag2 directory or a storage file (``.mcap``, ``.db3``).
 
     Raises:
         OccError: the recording cannot be read, or has no topic of which a feature can be

@@ -95,8 +95,8 @@ def learn(
     What is damaged, left out or likely not meant is reported as a Python warning.
 
     Args:
-        paths: rosbag2 directories, storage files, or manifests that list them; or ``.npz``, ``.csv``
-            or ``.parquet`` tables.
+        paths: rosbag2 directories, storage files, or manifests that list them; or ``.npz``,
+            ``.csv`` or ``.parquet`` tables.
         feature_map: a map, the path of one, or the name of a built-in one. Recordings need it;
             without one every column of a table is a feature.
         false_alarm: largest probability of an alarm in a fresh safe episode; ``None`` for no

@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from occ_constraints_pkg.checking.timeline import BRIDGE_SECONDS, TIMEOUT_SECONDS, check_files
+from occ_constraints_pkg.checking.files import check_files
+from occ_constraints_pkg.checking.timeline import BRIDGE_SECONDS, TIMEOUT_SECONDS
 from occ_constraints_pkg.demonstrations.learning import learn_from_files
 from occ_constraints_pkg.documents import parse_yaml
 from occ_constraints_pkg.features.feature_map import FeatureMap, load_feature_map

@@ -52,7 +52,7 @@ def test_safe_episodes_from_elsewhere_move_the_bounds(tables, run_occ):
     [
         ('--false-alarm 0.05', 'of the 20 episodes given 10 can be held out'),
         ('--false-alarm 1.5', 'false_alarm is 1.5; allowed is a number above 0 and below 1'),
-        ('--calibrate-on far.csv', 'no false_alarm to promise'),
+        ('--calibrate-on far.csv', 'calibrate_on is given without false_alarm'),
     ],
 )
 def test_what_cannot_be_guaranteed_is_told_in_one_sentence(tables, run_occ, options, sentence):

@@ -15,7 +15,7 @@ from occ_constraints_pkg.learning.calibration import (
     space_limits,
 )
 from occ_constraints_pkg.learning.extraction import extract_rules
-from occ_constraints_pkg.learning.guarantee import loss_words, guarantee_words
+from occ_constraints_pkg.learning.guarantee import guarantee_words, loss_words
 from occ_constraints_pkg.learning.learn import learn
 from occ_constraints_pkg.learning.rules_text import describe_guarantee
 from occ_constraints_pkg.learning.settings import OCTreeSettings
@@ -198,7 +198,9 @@ def test_learning_keeps_the_promise_on_fresh_episodes_and_writes_it_down():
     read = parse_constraints(learned.dumps(), 'text')
     assert not read.is_edited
     assert read.learner['calibration'] == calibration
-    assert 'probability at most 0.2 (bound 0.143 from 6 safe episodes' in guarantee_words(calibration)
+    assert 'probability at most 0.2 (bound 0.143 from 6 safe episodes' in guarantee_words(
+        calibration
+    )
     assert describe_guarantee(read) == guarantee_words(calibration)
     edited = read.with_rule_set(type(read.rule_set)(PLANE, (), read.rule_set.demonstrated))
     assert 'edited since' in describe_guarantee(edited)

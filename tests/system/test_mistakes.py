@@ -288,6 +288,8 @@ def test_a_module_that_is_missing_is_named_with_what_to_install(module):
     assert done.returncode == 2, done.stderr
     assert done.stderr.count('\n') == 1
     assert MISSING[module] in done.stderr
+    # One way out, not one wrapped in another.
+    assert done.stderr.count('allowed is') + done.stderr.count('which is not installed') == 1
 
 
 def faketime():

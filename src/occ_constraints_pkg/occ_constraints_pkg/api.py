@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from occ_constraints_pkg.checking.timeline import BRIDGE_SECONDS, TIMEOUT_SECONDS, check_files
+from occ_constraints_pkg.checking.files import check_files
+from occ_constraints_pkg.checking.timeline import BRIDGE_SECONDS, TIMEOUT_SECONDS
 from occ_constraints_pkg.demonstrations.learning import learn_from_files
 from occ_constraints_pkg.documents import parse_yaml
 from occ_constraints_pkg.features.feature_map import FeatureMap, load_feature_map
@@ -98,8 +99,8 @@ def learn(
     What is damaged, left out or likely not meant is reported as a Python warning.
 
     Args:
-        paths: rosbag2 directories, MCAP files, or manifests that list them; or ``.npz``, ``.csv``
-            or ``.parquet`` tables.
+        paths: rosbag2 directories, storage files, or manifests that list them; or ``.npz``,
+            ``.csv`` or ``.parquet`` tables.
         feature_map: a map, the path of one, or the name of a built-in one. Recordings need it;
             without one every column of a table is a feature.
         conditions: ``none``, or ``pairs`` or ``triples`` to look for rules about two, or up to
@@ -205,7 +206,7 @@ def suggest_feature_map(path: str | Path) -> FeatureMap:
     the recording lacks is reported as a Python warning.
 
     Args:
-        path: a rosbag2 directory or an MCAP file.
+        path: a rosbag2 directory or a storage file (``.mcap``, ``.db3``).
 
     Raises:
         OccError: the recording cannot be read, or has no topic of which a feature can be

@@ -246,7 +246,8 @@ def _check_is_file_or_nothing(path: Path) -> None:
     try:
         if path.exists() and not path.is_file():
             raise ConfigurationError(
-                f'cannot write {path}: it is no ordinary file; allowed is a new or such a one'
+                f'cannot write {path}: it is no ordinary file; allowed is a new file or an '
+                'ordinary one'
             )
     except OSError as error:
         raise OccError(f'cannot write {path}: {error.strerror}') from error
@@ -260,6 +261,10 @@ def make_directory(path: str | Path) -> Path:
     """
     try:
         Path(path).mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        raise ConfigurationError(
+            f'cannot write to {path}: it is a file; allowed is a new directory or an existing one'
+        ) from None
     except OSError as error:
         raise OccError(f'cannot write to {path}: {error.strerror}') from error
     return Path(path)

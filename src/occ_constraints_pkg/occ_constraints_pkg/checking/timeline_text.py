@@ -23,7 +23,7 @@ _MOST = 20
 def describe_timeline(timeline: Timeline, rule_set: RuleSet) -> str:
     """Return shares of time, what was violated, and the worst intervals in order of time."""
     data, unit = timeline.data, _unit(timeline)
-    amount = f'{len(data)} samples' + (f' in {timeline.duration:.2f} s' if unit else '')
+    amount = count_of(len(data), 'sample') + (f' in {timeline.duration:.2f} s' if unit else '')
     shares = ', '.join(f'{share:.2%} {name}' for name, share in timeline.shares.items())
     lines = [f'{amount}: {shares}' + (' of the time' if unit else '')]
     silent = timeline.silence > 0
@@ -178,7 +178,7 @@ def _causes(timeline: Timeline, rule_set: RuleSet) -> str:
     unusable = ~(np.isfinite(values) & (values >= space.lows) & (values <= space.highs))
     counts = zip(space.names, unusable.sum(axis=0).tolist(), strict=True)
     ordered = sorted((item for item in counts if item[1]), key=lambda item: -item[1])
-    return ', '.join(f'{name} unusable in {count} samples' for name, count in ordered)
+    return ', '.join(f'{name} unusable in {count_of(count, "sample")}' for name, count in ordered)
 
 
 def _unit(timeline: Timeline) -> str:

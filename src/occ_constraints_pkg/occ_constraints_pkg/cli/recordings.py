@@ -371,7 +371,10 @@ def import_(format_name: str, path: str, output: str, keep_gaps: bool, as_json: 
     for sentence in result.warnings:
         warn(sentence)
     if as_json:
-        print_json({'output': output, 'format': format_name, **asdict(result)})
+        values = asdict(result)
+        # The key is older than the word.
+        values['drives'] = values.pop('trajectories')
+        print_json({'output': output, 'format': format_name, **values})
         return
     say(
         f'{output}: {count_of(result.trajectories, "drive")}, {result.rows} rows, '

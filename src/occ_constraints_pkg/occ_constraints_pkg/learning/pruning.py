@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.rules.ruleset import RuleSet
+from occ_constraints_pkg.wording import count_of
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,7 @@ class Pruning:
     @property
     def words(self) -> str:
         """How many rules were pruned and kept, in words."""
-        text = f'pruned {len(self.pruned)} rules, kept {len(self.rule_set.order)}'
+        text = f'pruned {count_of(len(self.pruned), "rule")}, kept {len(self.rule_set.order)}'
         return text + (
             f', {len(self.not_evaluated)} of them never evaluated' if self.not_evaluated else ''
         )

@@ -11,7 +11,12 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 
-from occ_constraints_pkg.errors import ConfigurationError, OccError, import_needed
+from occ_constraints_pkg.errors import (
+    ConfigurationError,
+    MissingDependencyError,
+    OccError,
+    import_needed,
+)
 from occ_constraints_pkg.nodes.help import asks_for_help, print_help
 from occ_constraints_pkg.ros.environment import check_environment
 from occ_constraints_pkg.stopping import stop_request
@@ -69,6 +74,9 @@ def node_main(name: str) -> Callable[[list[str] | None], int]:
     what = f'node {name!r}'
     try:
         return import_needed(what, f'{__name__}.{_MODULES.get(name, name)}').main
+    except MissingDependencyError:
+        # It names the extra already.
+        raise
     except ImportError as error:
         package = __name__.partition('.')[0]
         if (error.name or '').partition('.')[0] == package:

@@ -25,6 +25,7 @@ from occ_constraints_pkg.ros.node import OccNode
 from occ_constraints_pkg.ros.process import run_node
 from occ_constraints_pkg.ros.qos import COMMANDS, LATCHED, VERDICTS, overridable
 from occ_constraints_pkg.rules.gating import GateOutput, GateSettings, SpeedGate, Timing
+from occ_constraints_pkg.wording import count_of
 
 _REPORT_SECONDS = 1.0
 # Least time between two lines of the log: when the state changes, and when only the reason does.
@@ -252,8 +253,8 @@ class Gate(OccNode):
         others = self.count_publishers(self._output.topic_name) - 1
         if others > 0:
             self.get_logger().warning(
-                f'{others} other publishers on {self._output.topic_name}: what they command is '
-                'not gated',
+                f'{count_of(others, "other publisher")} on {self._output.topic_name}: what they '
+                'command is not gated',
                 throttle_duration_sec=60.0,
             )
 

@@ -20,6 +20,7 @@ from occ_constraints_pkg.ros.qos import SETTLED_CHECKS
 from occ_constraints_pkg.ros.rclpy_internals import RCLError
 from occ_constraints_pkg.rosbag.playback import Playback, is_latched
 from occ_constraints_pkg.rosbag.recording import Recording
+from occ_constraints_pkg.wording import count_of
 
 _CHECK_SECONDS = 0.05
 _PLAY_SECONDS = 0.001
@@ -35,7 +36,7 @@ class Player(OccNode):
 
     def __init__(self) -> None:
         super().__init__('player')
-        bag = self.parameter('bag', '', 'rosbag2 directory or .mcap file')
+        bag = self.parameter('bag', '', 'rosbag2 directory, .mcap or .db3 file')
         chosen = topic_filter(self, 'play')
         rate = self.parameter('rate', 1.0, 'speed, 1.0: as recorded', low=0.001)
         loop = self.parameter('loop', False, 'start again at the end')
@@ -74,7 +75,8 @@ class Player(OccNode):
             self.create_service(Trigger, f'~/{name}', answer)
         self._settled_checks = 0
         self._timer = self.steady_timer(_CHECK_SECONDS, self._start)
-        self.get_logger().info(f'{len(self._publishers_of)} topics of {bag}{self._waits_for()}')
+        played = count_of(len(self._publishers_of), 'topic')
+        self.get_logger().info(f'{played} of {bag}{self._waits_for()}')
 
     def _advertise(self, recording: Recording, topics: list[str]) -> dict[str, Publisher]:
         """Return a publisher for each topic whose type is installed; warn of the others."""

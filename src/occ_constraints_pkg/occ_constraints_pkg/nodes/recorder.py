@@ -21,6 +21,7 @@ from occ_constraints_pkg.ros.rclpy_internals import RCLError
 from occ_constraints_pkg.rosbag.definitions import find_definition
 from occ_constraints_pkg.rosbag.qos import from_profile
 from occ_constraints_pkg.rosbag.writer import FLUSH_SECONDS, BagWriter
+from occ_constraints_pkg.wording import count_of
 
 _INSPECT_SECONDS = 0.1
 # Of these, so much is for topics and the rest for messages: thousands of subscriptions take long.
@@ -81,7 +82,7 @@ class Recorder(OccNode):
         self._report_missing()
         count, files = self._writer.message_count, len(self._writer.paths)
         self.get_logger().info(
-            f'{count} messages recorded' + (f' in {files} files' if files > 1 else '')
+            f'{count_of(count, "message")} recorded' + (f' in {files} files' if files > 1 else '')
         )
 
     def _report_missing(self) -> None:

@@ -15,7 +15,7 @@ from occ_constraints_pkg.demonstrations.learning import learn_from_files
 from occ_constraints_pkg.errors import ConfigurationError, OccError
 from occ_constraints_pkg.features.extractor import FeatureExtractor
 from occ_constraints_pkg.features.feature_map import load_feature_map
-from occ_constraints_pkg.learning.guarantee import loss_words, guarantee_words
+from occ_constraints_pkg.learning.guarantee import guarantee_words, loss_words
 from occ_constraints_pkg.learning.learn import learn
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.ros.clocks import ArrivalClock
@@ -25,6 +25,7 @@ from occ_constraints_pkg.ros.process import run_node
 from occ_constraints_pkg.ros.qos import LATCHED, overridable
 from occ_constraints_pkg.rules.constraints_file import Constraints, save_learned
 from occ_constraints_pkg.stopping import stop_request
+from occ_constraints_pkg.wording import count_of
 
 # How long /clock may stand still while samples come in.
 _CLOCK_SECONDS = 1.0
@@ -163,7 +164,7 @@ class TreeLearner(OccNode):
         self.flush(self._publisher)
 
     def _hand_out(self, constraints: Constraints) -> str:
-        text = f'{len(constraints.rule_set.rules)} rules learned'
+        text = f'{count_of(len(constraints.rule_set.rules), "rule")} learned'
         if self._output:
             save_learned(constraints, self._output, overwrite=self._overwrite)
             text += f', written to {self._output}'

@@ -99,11 +99,11 @@ class Recording:
         self.topics = dict(sorted(with_metadata(self._all_topics(), metadata).items()))
         if not self.message_count:
             raise DataError(f'{self.path} holds no messages')
-        promised = metadata.get('message_count')
-        if isinstance(promised, int) and promised > self.message_count:
+        stated = metadata.get('message_count')
+        if isinstance(stated, int) and stated > self.message_count:
             self.warnings += (
                 f'{self.path} holds {self.message_count} messages, but its metadata.yaml '
-                f'promises {promised}',
+                f'states {stated}',
             )
 
     @property

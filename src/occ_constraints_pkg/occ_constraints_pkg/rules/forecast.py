@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""When the next rule will be broken, if every feature goes on as it does now: an estimate."""
+"""When the next rule will be violated, if every feature goes on as it does now: an estimate."""
 
 from __future__ import annotations
 

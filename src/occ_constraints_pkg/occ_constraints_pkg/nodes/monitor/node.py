@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Node ``monitor``: judges live topics by a rule set, and says which rule is broken and how far."""
+"""Node ``monitor``: judges live topics by rules, and says which is violated and how far."""
 
 from __future__ import annotations
 

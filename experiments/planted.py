@@ -54,8 +54,7 @@ def run_planted(
     Args:
         output: directory of the results.
         problems: names; all if empty.
-        sizes: keys of :data:`~experiments.planted_problems.SIZES`; all if
-            empty.
+        sizes: keys of :data:`~experiments.planted_problems.SIZES`; all if empty.
         seeds: one line each.
         methods: names; all if empty.
         processes: that work at once.
@@ -82,9 +81,7 @@ def run_planted(
         for method in chosen[2]
     ]
     todo = [task for task in wanted if _key(task) not in lines]
-    done = len(wanted) - len(todo)
-
-    result = _document(lines)
+    done, result = len(wanted) - len(todo), _document(lines)
 
     def finish(task: Task, line: dict[str, Any]) -> None:
         nonlocal done, result

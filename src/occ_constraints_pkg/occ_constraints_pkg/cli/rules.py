@@ -168,7 +168,7 @@ def check(
     counts.add(judgement)
     if counted:
         derived = loaded.with_rule_set(rule_set.with_counts(counts))
-        save_derived(derived, counted, overwrite=overwrite)
+        _report_copy(counted, save_derived(derived, counted, overwrite=overwrite))
     if draw:
         draw.draw_timeline(Path(plot), timeline, rule_set)
     record = None
@@ -261,7 +261,8 @@ def prune(
     result = prune_rules(rule_set, threshold)
     pruned = loaded.with_rule_set(result.rule_set)
     target = output or constraints
-    save_derived(pruned, target, overwrite=overwrite, in_place=output is None)
+    copy = save_derived(pruned, target, overwrite=overwrite, in_place=output is None)
+    _report_copy(target, copy)
     if as_json:
         print_json(
             {
@@ -310,7 +311,8 @@ def simplify(
     result = simplify_rules(loaded.rule_set, counted_too=counted)
     simpler = loaded.with_equal_rules(result.rule_set)
     target = output or constraints
-    save_derived(simpler, target, overwrite=overwrite, in_place=output is None)
+    copy = save_derived(simpler, target, overwrite=overwrite, in_place=output is None)
+    _report_copy(target, copy)
     if as_json:
         print_json({'output': target, **simplification_document(result)})
         return
@@ -318,6 +320,11 @@ def simplify(
         f'{describe_rules(simpler)}\n\n{describe_simplification(result)}; '
         f'written to {printable(target)}'
     )
+
+
+def _report_copy(path: str, copy: Path | None) -> None:
+    if copy is not None:
+        warn(f'{path} was edited; as it was, comments included, it is kept as {copy}')
 
 
 @click.group(invoke_without_command=True)

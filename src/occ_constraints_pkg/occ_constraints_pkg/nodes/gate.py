@@ -34,7 +34,7 @@ _LOG_SECONDS, _SAME_STATE_LOG_SECONDS = 1.0, 2.0
 _SETTINGS = {
     'slow_margin': ('margin under which speed is scaled down; 0: never', 0.0, None),
     'min_speed_scale': ('part of the speed that is left at margin 0', 0.0, 1.0),
-    'trigger_count': ('violated verdicts of the last trigger_window that stop', 1, None),
+    'trigger_count': ('verdicts other than SAFE, of the last trigger_window, that stop', 1, None),
     'trigger_window': ('verdicts among which they are counted', 1, None),
     'release_count': ('safe verdicts in a row that release again', 1, None),
     'timeout': ('seconds without a verdict that stop; largest age of a verdict', 0.01, None),

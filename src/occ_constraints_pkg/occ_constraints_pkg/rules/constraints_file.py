@@ -174,7 +174,7 @@ def save_learned(constraints: Constraints, path: str | Path, *, overwrite: bool 
 
 def save_derived(
     constraints: Constraints, path: str | Path, *, overwrite: bool = False, in_place: bool = False
-) -> None:
+) -> Path | None:
     """Write constraints derived from a file without losing edits at their destination.
 
     The file ends with a checksum that shows that nobody has edited it, so that the same command can
@@ -187,19 +187,23 @@ def save_derived(
         in_place: ``path`` is the file that ``constraints`` were derived from, to be changed on
             request; a copy of an edited file is kept likewise.
 
+    Returns:
+        The copy of an edited file, if there was one.
+
     Raises:
         ConfigurationError: the file there was edited and may not be replaced, or is not a
             constraints file.
         OccError: it cannot be written.
     """
     there = _text_there(path)
-    _keep_edited(
+    copy = _keep_edited(
         path, not _is_sealed(there) and _is_edited(there, str(path)), overwrite or in_place
     )
     text = constraints.dumps()
     write_text(
         path, CONSTRAINTS, f'{text}# not edited since occ wrote it, SHA-256 {_digest(text)}\n'
     )
+    return copy
 
 
 def _text_there(path: str | Path) -> str:
@@ -227,21 +231,21 @@ def _digest(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _keep_edited(path: str | Path, is_edited: bool, allowed: bool) -> None:
-    """Keep a copy of an edited file.
+def _keep_edited(path: str | Path, is_edited: bool, allowed: bool) -> Path | None:
+    """Keep a copy of an edited file, and return its path.
 
     Raises:
         ConfigurationError: it may not be replaced, or no copy can be written.
     """
     if not is_edited:
-        return
+        return None
     if not allowed:
         raise ConfigurationError(
             f'{path} was edited since it was learned (rules changed, disabled or noted, or '
             'comments added); choose another file, or allow overwriting (--overwrite), which '
             'keeps a copy'
         )
-    keep_copy(path)
+    return keep_copy(path)
 
 
 def parse_constraints(text: str, where: str) -> Constraints:

@@ -104,7 +104,7 @@ class GateSettings:
         slow_margin: margin, in parts of the demonstrated range, under which speed is scaled down;
             0: never.
         min_speed_scale: part of the speed that is left at margin 0, from 0 to 1.
-        trigger_count: violated verdicts of the last ``trigger_window`` that stop.
+        trigger_count: verdicts other than SAFE, of the last ``trigger_window``, that stop.
         trigger_window: see there. With 2 of 20, a violation at least once in 19 verdicts stops at
             the second one.
         release_count: safe verdicts in a row that release again.

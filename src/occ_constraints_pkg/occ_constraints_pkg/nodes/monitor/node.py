@@ -36,7 +36,7 @@ _TIMEOUT_CHECK_SECONDS = 0.1
 _READ_SECONDS = 0.02
 _ORIGIN = 'topic constraints'
 _DEBOUNCE = {
-    'trigger_count': 'violated verdicts of the last trigger_window until people are shown VIOLATED',
+    'trigger_count': 'verdicts other than SAFE, of the last trigger_window, that people are told',
     'trigger_window': 'verdicts among which they are counted',
     'release_count': 'safe verdicts in a row until people are shown SAFE again',
 }

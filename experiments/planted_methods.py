@@ -8,7 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from occ_constraints_pkg.learning.conditional import Feature, LearnedRules, learn_conditional
+from occ_constraints_pkg.learning.conditional import Feature, LearnedRules
+from occ_constraints_pkg.learning.conditional.learner import learn_conditional
 from occ_constraints_pkg.learning.octree import fit_tree
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.learning.tree import Node

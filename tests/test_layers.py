@@ -128,3 +128,12 @@ print(*({{'torch', 'mujoco', 'rclpy', 'matplotlib'}} & set(sys.modules)))
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout.split() == []
+
+
+def test_the_command_line_needs_no_reader_of_recordings_and_no_learner_to_start():
+    code = 'import sys, occ_constraints_pkg.cli.commands; print(*sys.modules)'
+    done = subprocess.run(
+        [sys.executable, '-c', code], capture_output=True, text=True, check=True, timeout=60
+    )
+    loaded = {name.partition('.')[0] for name in done.stdout.split()}
+    assert not loaded & {'scipy', 'rosbags', 'mcap', 'lz4', 'zstandard', 'torch', 'rclpy'}

@@ -204,8 +204,8 @@ def test_thousands_of_rules_are_read_while_judging_goes_on_and_the_newest_counts
         robot.observer.spin_until(lambda least=count: len(robot.heard) > least, 20.0)
         gaps.append(robot.heard[-1][0] - at)
         robot.observer.spin(0.02)
-    # Before, one waited for all of it: seconds.
-    assert sent > 20
+    # Where the node reads by itself, one waits for all of it: seconds, and one answer.
+    assert sent > 5
     assert np.median(gaps) < 0.1
     assert max(gaps) < 1.0
     assert '1500 enabled rules from topic constraints' in monitor.log.read_text()

@@ -10,9 +10,9 @@ from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.learning.conditional import (
     ConditionalSettings,
     Feature,
-    learn_conditional,
 )
 from occ_constraints_pkg.learning.conditional.formula import as_rules
+from occ_constraints_pkg.learning.conditional.learner import learn_conditional
 from occ_constraints_pkg.rules.space import Feature as SpaceFeature
 from occ_constraints_pkg.rules.space import FeatureSpace
 

@@ -1,8 +1,11 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Conditional rules: corners of the demonstrations' box that are surprisingly empty."""
+"""Conditional rules: corners of the demonstrations' box that are surprisingly empty.
 
-from occ_constraints_pkg.learning.conditional.learner import learn_conditional
+The learner needs SciPy, which a robot that only monitors need not have; so it is imported from
+:mod:`~occ_constraints_pkg.learning.conditional.learner`.
+"""
+
 from occ_constraints_pkg.learning.conditional.rules import (
     ConditionalRule,
     Feature,
@@ -11,11 +14,4 @@ from occ_constraints_pkg.learning.conditional.rules import (
 )
 from occ_constraints_pkg.learning.conditional.settings import ConditionalSettings
 
-__all__ = [
-    'ConditionalRule',
-    'ConditionalSettings',
-    'Feature',
-    'LearnedRules',
-    'Literal',
-    'learn_conditional',
-]
+__all__ = ['ConditionalRule', 'ConditionalSettings', 'Feature', 'LearnedRules', 'Literal']

@@ -103,6 +103,9 @@ class _VerdictTopic:
 class Gate(OccNode):
     """Publishes each command scaled by the gate output; while stopped, zero at a steady rate."""
 
+    # A flood of commands must not keep a verdict waiting.
+    takes_turns = True
+
     def __init__(self) -> None:
         super().__init__('gate')
         stamped = self.parameter('stamped', False, 'commands are TwistStamped, not Twist')

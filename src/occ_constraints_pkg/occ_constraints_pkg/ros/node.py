@@ -45,11 +45,14 @@ class OccNode(ParameterNode):
 
     Attributes:
         done: set when the process should end; its result is the exit code.
+        takes_turns: whether each subscription has its turn however fast messages come on another
+            one; else they are handled in the order in which they came, with less work for each.
         drain_on_shutdown: whether messages that have come when the process is asked to end are
             still handed to their callbacks.
     """
 
     drain_on_shutdown = False
+    takes_turns = False
 
     def __init__(self, name: str, **kwargs: Any) -> None:
         self.done: Future = Future()

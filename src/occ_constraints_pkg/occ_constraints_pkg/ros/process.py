@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 
 import rclpy
 from rclpy.exceptions import NameValidationException
-from rclpy.executors import ExternalShutdownException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
@@ -109,7 +109,7 @@ def _initialise(argv: list[str]) -> None:
 
 
 def _spin(node: OccNode) -> int:
-    executor = EventsExecutor()
+    executor = SingleThreadedExecutor() if node.takes_turns else EventsExecutor()
     executor.add_node(node)
     try:
         while not (stop_request.made or node.done.done() or parent_is_gone()):

@@ -30,6 +30,7 @@ from occ_constraints_pkg.learning.conditional.units import (
     make_units,
     pairs_of,
 )
+from occ_constraints_pkg.learning.samples import checked_samples
 
 
 def learn_conditional(
@@ -84,24 +85,14 @@ def _checked(
     bounds: np.ndarray,
     recordings: np.ndarray | None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    rows = np.asarray(values, dtype=np.float64)
-    if rows.ndim != 2 or rows.shape[1] != len(features) or not rows.size:
-        raise DataError(
-            f'samples have shape {rows.shape}; allowed is (n, {len(features)}), n of 1 or more'
-        )
+    rows = checked_samples(values)
+    if rows.shape[1] != len(features):
+        raise DataError(f'samples have shape {rows.shape}; allowed is (n, {len(features)})')
     for name, labels in (('episodes', episodes), ('recordings', recordings)):
         if labels is not None and np.shape(labels) != (len(rows),):
             raise DataError(f'{name} have shape {np.shape(labels)}; allowed is ({len(rows)},)')
     if np.shape(bounds) != (len(features), 2):
         raise DataError(f'bounds have shape {np.shape(bounds)}; allowed is ({len(features)}, 2)')
-    with np.errstate(over='ignore', invalid='ignore'):
-        glance = rows.sum()
-    if not np.isfinite(glance) and not np.isfinite(rows).all():
-        row, column = np.argwhere(~np.isfinite(rows))[0]
-        raise DataError(
-            f'sample {row} of {features[column].name!r} is {rows[row, column]}; allowed is a '
-            'finite number'
-        )
     return rows, np.asarray(episodes)
 
 

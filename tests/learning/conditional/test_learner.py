@@ -205,7 +205,7 @@ def test_samples_that_cannot_be_learned_from():
     values = speed_by_mode()
     broken = values.copy()
     broken[7, 0] = np.nan
-    with pytest.raises(OccError, match="sample 7, feature 0 is nan"):
+    with pytest.raises(OccError, match='sample 7, feature 0 is nan'):
         learn_conditional(broken, EPISODES, SPEEDY, bounds=extent(values))
     with pytest.raises(OccError, match=r'samples have shape \(6000, 3\); allowed is \(n, 2\)'):
         learn_conditional(values, EPISODES, SPEEDY[:2], bounds=extent(values))

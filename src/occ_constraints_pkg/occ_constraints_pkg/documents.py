@@ -125,9 +125,20 @@ def validate(
     sentence = _sentence(error)
     if error in unknown:
         path.append(_unknown_keys(error)[0])
+    raise ConfigurationError(f'{locate(path, where, text)}{sentence}')
+
+
+def locate(path: Sequence[str | int], where: str, text: str | None = None) -> str:
+    """Return how a sentence about a key begins, such as ``c.yaml, line 3: rules[0].id: ``.
+
+    Args:
+        path: keys and positions that lead to it.
+        where: what the sentence calls the document, usually its file name.
+        text: the YAML text the document came from; with it the line is named.
+    """
     line = None if text is None else _line(text, path)
     place = where if line is None else f'{where}, line {line}'
-    raise ConfigurationError(f'{place}: {_key_path(path)}{sentence}')
+    return f'{place}: {_key_path(path)}'
 
 
 def _key_path(path: Iterable[str | int]) -> str:

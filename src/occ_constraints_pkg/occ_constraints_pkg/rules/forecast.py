@@ -64,7 +64,20 @@ class Forecaster:
             )
         self._rules = rule_set
         self._rows = _Window(len(rule_set.space), window)
-        self._table = rule_set.table
+        self._table = table = rule_set.table
+        # Of each literal one entry per member, from where `_begins` says.
+        counts = [len(literal.members) for literal in table.literals]
+        members = [member for literal in table.literals for member in literal.members]
+        self._feature = np.array(members, dtype=np.intp)
+        self._sign = np.repeat(table.sign[:, 0], counts)
+        self._threshold = np.repeat(table.threshold[:, 0], counts)
+        self._begins = np.cumsum([0, *counts], dtype=np.intp)[:-1]
+        rules = [rule_set.rules[index] for index in rule_set.order]
+        lengths = [len(rule.literals) for rule in rules]
+        self._rule = np.repeat(np.arange(len(rules)), lengths)
+        # A literal about a family may become true a second time.
+        twice = (sum(item.is_family for item in rule.literals) for rule in rules)
+        self._moves = 1 + max(twice, default=0)
 
     def reset(self) -> None:
         """Drop all rows: the next one does not continue them."""
@@ -93,42 +106,54 @@ class Forecaster:
             return Forecast(0.0, rule, self._nearest(rule))
         # On overflow nothing is foreseen.
         with np.errstate(all='ignore'):
-            slopes = self._rows.slopes() if len(self._table.feature) else None
+            slopes = self._rows.slopes() if self._table.literals else None
             return Forecast(math.inf) if slopes is None else self._first(slopes)
 
     def _nearest(self, rule: int) -> int:
         """Return the feature with the smallest distance into a true rule."""
         row, scale = self._rows.newest, self._rules.scale
-        literals = self._rules.rules[rule].literals
+        features = [literal.deciding(row) for literal in self._rules.rules[rule].literals]
         inside = [
-            abs(literal.distances(row[literal.feature], scale[literal.feature]))
-            for literal in literals
+            abs(literal.distances(row[feature], scale[feature]))
+            for literal, feature in zip(self._rules.rules[rule].literals, features, strict=True)
         ]
-        return literals[inside.index(min(inside))].feature
+        return features[inside.index(min(inside))]
 
     def _first(self, slopes: np.ndarray) -> Forecast:
         table = self._table
-        sign, threshold = table.sign[:, 0], table.threshold[:, 0]
         # Adding 0 leaves no minus zero, by which a distance would change its sign.
-        speed = sign * slopes.take(table.feature) + 0.0
-        crossing = (threshold - sign * self._rows.newest.take(table.feature)) / speed
+        speed = self._sign * slopes.take(self._feature) + 0.0
+        crossing = (self._threshold - self._sign * self._rows.newest.take(self._feature)) / speed
         # Where nothing moves, that is -inf for what is true, inf or NaN for what is not.
         leaves = speed < 0.0
-        begins = np.where(leaves, -np.inf, crossing).take(table.members)
-        ends = np.where(leaves, crossing, np.inf).take(table.members)
-        begin = np.maximum(np.maximum.reduceat(begins, table.starts), 0.0)
-        is_reached = begin < np.minimum.reduceat(ends, table.starts)
-        times = np.where(is_reached, begin, np.inf)
+        until, arrival = np.where(leaves, crossing, -np.inf), np.where(leaves, np.inf, crossing)
+        since = arrival
+        if len(self._feature) > len(table.literals):
+            # That any member of a family is beyond a bound is true until the last one leaves, and
+            # again from when the first one arrives: each moves along a line, their maximum not.
+            until = np.fmax.reduceat(until, self._begins)
+            since = np.fmin.reduceat(arrival, self._begins)
+        until, since = until.take(table.places), since.take(table.places)
+        # Each literal that is false at a time moves it on to where it is true; for ever if never.
+        own = np.where(until > 0.0, 0.0, np.maximum(since, 0.0))
+        times = np.maximum.reduceat(own, table.starts)
+        for _ in range(self._moves):
+            own = times.take(self._rule)
+            own = np.where(own < until, own, np.maximum(own, since))
+            times = np.maximum.reduceat(own, table.starts)
+        times = np.where(times < np.inf, times, np.inf)
         place = int(times.argmin())
         seconds = float(times[place])
         if seconds == math.inf:
             return Forecast(seconds)
         rule = int(self._rules.order[place])
-        own = slice(
-            table.starts[place], table.starts[place] + len(self._rules.rules[rule].literals)
-        )
-        feature = table.feature[table.members[own][begins[own].argmax()]]
-        return Forecast(seconds, rule, int(feature))
+        start = table.starts[place]
+        literals = slice(start, start + len(self._rules.rules[rule].literals))
+        begun = np.where(since[literals] <= seconds, since[literals], -np.inf)
+        last = table.places[literals][begun.argmax()]
+        members = slice(self._begins[last], self._begins[last] + len(table.literals[last].members))
+        first = np.fmin(arrival[members], np.inf).argmin()
+        return Forecast(seconds, rule, int(self._feature[members][first]))
 
 
 class _Window:

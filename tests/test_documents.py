@@ -6,10 +6,9 @@ import time
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from occ_constraints_pkg.documents import (
-    _dump,
     dump_yaml,
     parse_yaml,
     read_json_object,
@@ -39,34 +38,6 @@ def test_floats_come_back_bit_for_bit(numbers):
 @given(PLAIN)
 def test_plain_values_come_back(document):
     assert parse_yaml(dump_yaml(document), 'text') == document
-
-
-WORDS = st.text('aZ09_./^()- <>=:#,"\'?*&!%@`\t\n\u00e9\u2028', max_size=12)
-COMMON = (
-    WORDS
-    | st.sampled_from(['<', '<=', '>', '>=', '1', '', 'null', 'True', 'no', 'v_x above 1.5 m/s'])
-    | st.text('ab ', min_size=60, max_size=130)
-    | st.floats()
-    | st.floats(-3, 3)
-    | SCALARS
-)
-
-
-@settings(max_examples=200)
-@given(
-    st.recursive(
-        COMMON,
-        lambda inner: (
-            st.lists(inner, max_size=6)
-            | st.dictionaries(WORDS | st.sampled_from(['id', 'literals']), inner, max_size=6)
-        ),
-        max_leaves=25,
-    )
-)
-def test_what_is_written_without_the_library_is_what_it_writes(document):
-    text = dump_yaml(document)
-    if not set(text) & set('\x85\u2028\u2029'):
-        assert text in (_dump(document, allow_unicode=True), _dump(document, allow_unicode=False))
 
 
 def test_written_readably():

@@ -6,10 +6,10 @@ from __future__ import annotations
 
 import difflib
 import io
-import itertools
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,7 @@ from ruamel.yaml.parser import Parser
 from ruamel.yaml.representer import SafeRepresenter
 from ruamel.yaml.scanner import Scanner
 
+from occ_constraints_pkg import simple_yaml
 from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.files import DOCUMENT_BYTES, read_bytes
 
@@ -83,7 +84,12 @@ def parse_yaml(text: str, where: str) -> Any:
         ConfigurationError: the text is not such a document; names ``where`` and the line.
     """
     try:
-        return _yaml().load(text)
+        return simple_yaml.read(text, _load)
+    except (simple_yaml.NotSimpleError, *_LOAD_ERRORS):
+        # A mistake is looked up in the whole text, for its line.
+        pass
+    try:
+        return _load(text)
     except _RefusedError as error:
         raise ConfigurationError(f'{where}, line {error.line}: {error}') from error
     except MarkedYAMLError as error:
@@ -91,8 +97,7 @@ def parse_yaml(text: str, where: str) -> Any:
         line = '' if mark is None else f', line {mark.line + 1}'
         problem = ' '.join((error.problem or error.context or 'unreadable').split())
         raise ConfigurationError(f'{where}{line} is not valid YAML: {problem}') from error
-    # Constructors of the YAML library raise various types, for example for a list as a key.
-    except (YAMLError, ValueError, TypeError, AttributeError, LookupError, RecursionError) as error:
+    except _LOAD_ERRORS as error:
         problem = str(error).strip().partition('\n')[0] or type(error).__name__
         raise ConfigurationError(f'{where} is not valid YAML: {problem}') from error
 
@@ -163,117 +168,13 @@ def dump_yaml(document: Any) -> str:
     order, the innermost lists and mappings are on one line, and there are no aliases.
     """
     plain = _plain(document)
-    text = ''.join(_written(plain))
+    text = simple_yaml.write(plain, partial(_dump, allow_unicode=True))
     # Unescaped, these are line breaks to a YAML reader.
     return _dump(plain, allow_unicode=False) if set(text) & set('\x85\u2028\u2029') else text
 
 
-# The YAML library takes about a millisecond for a rule. Most of it is simple, and written here in
-# the same way; the library is asked for all else, piece by piece.
-_SIMPLE_TEXT = re.compile(r'[A-Za-z][A-Za-z0-9_./^()-]*(?: [A-Za-z0-9_./^()-]+)*')
-_QUOTED = {'<': '<', '<=': '<=', '>': "'>'", '>=': "'>='", '1': "'1'", '': "''"}
-_NO_TEXT = frozenset(['null', 'true', 'false', 'yes', 'no', 'on', 'off', 'y', 'n'])
-# Longer lines may be folded.
-_SIMPLE_WIDTH = 95
-
-
-def _written(document: Any) -> Iterator[str]:
-    """Yield the lines of a document of plain values, as the YAML library writes them."""
-    if isinstance(document, dict) and not _is_flow(document):
-        yield from _block_mapping(document, 0)
-    else:
-        yield _dump(document, allow_unicode=True)
-
-
-def _block_mapping(mapping: dict[Any, Any], indent: int) -> Iterator[str]:
-    for key, value in mapping.items():
-        name = _simple(key)
-        if name is None:
-            yield _by_library({key: value}, indent)
-        elif _is_flow(value):
-            text = _flow(value)
-            line = f'{" " * indent}{name}: {text}\n'
-            is_simple = text is not None and len(line) <= _SIMPLE_WIDTH
-            yield line if is_simple else _by_library({key: value}, indent)
-        elif isinstance(value, dict):
-            yield f'{" " * indent}{name}:\n'
-            yield from _block_mapping(value, indent + 2)
-        else:
-            yield f'{" " * indent}{name}:\n'
-            yield from _block_sequence(value, indent)
-
-
-def _block_sequence(items: list[Any], indent: int) -> Iterator[str]:
-    for item in items:
-        if _is_flow(item):
-            text = _flow(item)
-            line = f'{" " * indent}- {text}\n'
-            is_simple = text is not None and len(line) <= _SIMPLE_WIDTH
-            yield line if is_simple else _by_library([item], indent)
-        elif isinstance(item, dict):
-            first, *others = _block_mapping(item, indent + 2)
-            yield f'{" " * indent}- {first[indent + 2 :]}'
-            yield from others
-        else:
-            yield _by_library([item], indent)
-
-
-def _is_flow(value: Any) -> bool:
-    """Return whether a value is written on one line: scalars, and collections of nothing else."""
-    if isinstance(value, dict):
-        return all(_is_scalar(item) for pair in value.items() for item in pair)
-    return not isinstance(value, list) or all(map(_is_scalar, value))
-
-
-def _is_scalar(value: Any) -> bool:
-    """Return whether a value is a scalar in no style of its own, see :class:`_Representer`."""
-    if isinstance(value, str):
-        return value[:1] not in _QUOTED_STARTS
-    return not isinstance(value, dict | list)
-
-
-def _flow(value: Any) -> str | None:
-    """Return the text of what is written on one line, ``None`` if it is not simple."""
-    if not isinstance(value, dict | list):
-        return _simple(value)
-    scalars = value if isinstance(value, list) else itertools.chain.from_iterable(value.items())
-    texts = [text for text in map(_simple, scalars) if text is not None]
-    if isinstance(value, list):
-        return f'[{", ".join(texts)}]' if len(texts) == len(value) else None
-    if len(texts) < 2 * len(value):
-        return None
-    pairs = zip(texts[::2], texts[1::2], strict=True)
-    return f'{{{", ".join(f"{key}: {text}" for key, text in pairs)}}}'
-
-
-def _simple(value: Any) -> str | None:
-    """Return the text of a scalar, ``None`` if it is not simple."""
-    if value is None or isinstance(value, bool):
-        return {None: 'null', True: 'true', False: 'false'}[value]
-    if isinstance(value, int):
-        return str(value)
-    if isinstance(value, float):
-        text = repr(value)
-        return text if text.replace('.', '', 1).replace('-', '', 1).isdigit() else None
-    if not isinstance(value, str):
-        return None
-    is_simple = _SIMPLE_TEXT.fullmatch(value) and value.lower() not in _NO_TEXT
-    return value if is_simple else _QUOTED.get(value)
-
-
-def _by_library(piece: Any, indent: int) -> str:
-    """Return the entry of a mapping or a sequence as the YAML library writes it at an indent."""
-    # In a document of which it is a part at that place, and no line of its own.
-    other = next(name for name in 'ab' if name not in piece)
-    nested: Any
-    if isinstance(piece, dict):
-        nested, before, after = {**piece, other: [[0]]}, indent // 2, 2
-    else:
-        nested, before, after = [*piece, [[0]]], indent // 2 + 1, 1
-    for _ in range(before):
-        nested = {other: nested}
-    lines = _dump(nested, allow_unicode=True).split('\n')
-    return ''.join(f'{line}\n' for line in lines[before : -after - 1])
+def _load(text: str) -> Any:
+    return _yaml().load(text)
 
 
 def _dump(plain: Any, *, allow_unicode: bool) -> str:
@@ -289,6 +190,18 @@ class _RefusedError(Exception):
     def __init__(self, sentence: str, line: int) -> None:
         super().__init__(sentence)
         self.line = line + 1
+
+
+# Constructors of the YAML library raise various types, for example for a list as a key.
+_LOAD_ERRORS = (
+    _RefusedError,
+    YAMLError,
+    ValueError,
+    TypeError,
+    AttributeError,
+    LookupError,
+    RecursionError,
+)
 
 
 class _TooDeepError(_RefusedError):
@@ -333,15 +246,11 @@ class _Parser(Parser):
         return event
 
 
-# Unquoted, text that begins so has another meaning.
-_QUOTED_STARTS = ('?', ':')
-
-
 class _Representer(SafeRepresenter):
     """Quotes text that the dumper would leave unquoted although it has another meaning."""
 
     def represent_str(self, data: str) -> Any:
-        style = "'" if data[:1] in _QUOTED_STARTS else None
+        style = "'" if data[:1] in simple_yaml.QUOTED_STARTS else None
         return self.represent_scalar('tag:yaml.org,2002:str', data, style=style)
 
 

@@ -156,7 +156,8 @@ class _Steps:
         """Let one literal about a family stand for those of all its members.
 
         That takes boxes that are equal but for the member. Where the bounds of members differ, the
-        literal has the one that all of them include, and stands for those that have just this.
+        literal has the one that all of them include, and stands for those that have just this, if
+        these are most.
         """
         groups: dict[tuple[tuple[int, ...], bool, frozenset[Literal]], dict[int, list[Box]]] = {}
         for box in self.boxes:
@@ -200,7 +201,7 @@ class _Steps:
             for box, literal in own
             if not box.fixed and replace(literal, feature=common.feature) == common
         ]
-        if len(joined) < 2:
+        if 2 * len(joined) <= len(family):
             return []
         first, literal = joined[0]
         ends = {end: item for end, item in first.ends.items() if item is not literal}

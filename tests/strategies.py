@@ -19,21 +19,33 @@ _EITHER = st.booleans()
 
 @st.composite
 def spaces(draw, *, most=3, bounds=COARSE):
-    """Feature spaces; each feature may have a lower and an upper physical bound."""
-    features = []
+    """Feature spaces; each feature may have a lower and an upper physical bound.
+
+    Some are of a family; its members may be apart, and it may have but one.
+    """
+    features, families = [], {}
     for index in range(draw(st.integers(1, most))):
         low, high = sorted((draw(bounds), draw(bounds)))
         low = low if draw(st.booleans()) else -np.inf
         high = high if draw(st.booleans()) else np.inf
-        features.append(Feature(f'x{index}', draw(st.sampled_from(['1', 'm/s'])), low, high))
+        family = draw(st.sampled_from(['', '', 'f', 'g']))
+        own = draw(st.sampled_from(['1', 'm/s'])), low, high
+        own = families.setdefault(family, own) if family else own
+        features.append(Feature(f'x{index}', *own, family))
     return FeatureSpace(tuple(features))
 
 
 @st.composite
 def rule_sets(draw, *, most=3, bounds=COARSE, most_rules=6, enabled=_EITHER):
-    """Rule sets of any literals, also several on one side, but no contradictory rule."""
+    """Rule sets of any literals, also several on one side, but no contradictory rule.
+
+    Literals may be about families, if there are any.
+    """
     space = draw(spaces(most=most, bounds=bounds))
-    literal = st.builds(Literal, st.integers(0, len(space) - 1), st.sampled_from(OPERATORS), bounds)
+    subjects = st.integers(0, len(space) - 1)
+    if space.families:
+        subjects |= st.sampled_from(space.families)
+    literal = st.builds(Literal, subjects, st.sampled_from(OPERATORS), bounds)
     rules = [
         Rule(f'R{index}', tuple(draw(st.lists(literal, min_size=1, max_size=4))), draw(enabled))
         for index in range(draw(st.integers(0, most_rules)))

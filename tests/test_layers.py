@@ -60,6 +60,7 @@ COMMON = {
     'documents',
     'errors',
     'files',
+    'simple_yaml',
     'stopping',
     'terminal',
     'wording',

@@ -16,7 +16,7 @@ def judged(rule_set, rows):
 def true(literals, rows):
     held = np.ones(len(rows), dtype=bool)
     for literal in literals:
-        held &= literal.holds(rows[:, literal.feature])
+        held &= np.any([literal.holds(rows[:, member]) for member in literal.members], axis=0)
     return held
 
 
@@ -27,7 +27,8 @@ def test_evidence_is_what_counting_one_by_one_gives(rule_set, seed):
     bounds = [[*rule_set.demonstrated[index]] for index in range(len(rule_set.space))]
     for rule in rule_set.rules:
         for literal in rule.literals:
-            bounds[literal.feature].append(literal.bound)
+            for member in literal.members:
+                bounds[member].append(literal.bound)
     rows = probes(rng, bounds, rows=80).clip(rule_set.space.lows, rule_set.space.highs)
     episodes = rng.integers(0, 5, size=len(rows))
     safe = judged(rule_set, rows)
@@ -39,8 +40,8 @@ def test_evidence_is_what_counting_one_by_one_gives(rule_set, seed):
             others = [other for other in item.rule.literals if other != literal]
             # They would be violations but for this literal.
             support = safe & true(others, rows) & ~true([literal], rows)
-            away = np.abs(rows[:, literal.feature] - literal.bound)
-            near = support & (away <= NEAR * rule_set.scale[literal.feature])
+            away = np.min([np.abs(rows[:, one] - literal.bound) for one in literal.members], axis=0)
+            near = support & (away <= NEAR * rule_set.scale[literal.members[0]])
             assert found.near == near.sum()
             assert found.episodes == len(set(episodes[near]))
             wanted = near if near.any() else support
@@ -51,7 +52,9 @@ def test_evidence_is_what_counting_one_by_one_gives(rule_set, seed):
             best = [away[wanted & (episodes == episode)].min() for episode in episodes[positions]]
             assert list(away[positions]) == best == sorted(best)
             for position, feature, value in found.closest:
-                assert (feature, value) == (literal.feature, rows[position, feature])
+                assert feature in literal.members
+                assert value == rows[position, feature]
+                assert abs(value - literal.bound) == away[position]
 
 
 def test_members_of_a_family_hold_their_bound_together():

@@ -37,12 +37,12 @@ def learned():
     return values, constraints
 
 
-def test_all_members_get_the_same_bound_and_empty_sectors_no_lower_one(learned):
+def test_all_members_get_one_rule_and_empty_sectors_no_lower_one(learned):
     rule_set = learned[1].rule_set
-    literals = [rule.literals for rule in rule_set.rules if rule.literals[0].feature > 0]
-    assert all(len(item) == 1 and item[0].operator == '>' for item in literals)
-    assert [item[0].feature for item in literals] == [1, 2, 3, 4]
-    assert len({item[0].bound for item in literals}) == 1
+    (rule,) = (rule for rule in rule_set.rules if rule.literals[0].members != (0,))
+    (literal,) = rule.literals
+    assert (literal.feature, literal.operator) == ((1, 2, 3, 4), '>')
+    assert rule.formula(rule_set.space) == f'any lidar > {literal.bound!r}'
 
 
 def test_the_share_outside_keeps_within_the_contamination(learned):

@@ -27,7 +27,8 @@ def bounds_of(rule_set):
     ]
     for rule in rule_set.rules:
         for literal in rule.literals:
-            bounds[literal.feature].append(literal.bound)
+            for member in literal.members:
+                bounds[member].append(literal.bound)
     return bounds
 
 

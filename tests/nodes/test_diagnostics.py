@@ -47,8 +47,11 @@ def test_every_violated_rule_is_explained_and_the_verdict_reads_back(rule_set, d
             assert entries['formula'] == rule.formula(rule_set.space)
             assert float(entries['margin']) == margins[place]
             for literal in rule.literals:
-                name = rule_set.space.names[literal.feature]
-                assert float(entries[name]) == row[literal.feature]
+                # Of a family, those members that make the rule true.
+                fired = [one for one in literal.members if literal.holds(np.array([row[one]]))[0]]
+                assert fired
+                for one in fired:
+                    assert float(entries[rule_set.space.names[one]]) == row[one]
     else:
         assert others == []
 
@@ -61,7 +64,7 @@ def test_a_forecast_is_put_in_words_within_the_horizon_only(rule_set):
     place = int(rule_set.order[0])
     rule = rule_set.rules[place]
     for seconds, is_warned in ((0.5, True), (1.5, False), (0.0, False)):
-        told = foreseen_values(rule_set, Forecast(seconds, place, rule.literals[0].feature), 1.0)
+        told = foreseen_values(rule_set, Forecast(seconds, place, rule.literals[0].members[0]), 1.0)
         assert (told['time_to_violation'], told['next_rule']) == (seconds, rule.id)
         assert ('warning' in told) == is_warned
 

@@ -129,9 +129,9 @@ def test_a_tree_as_deep_as_the_learner_may_grow_comes_back():
         ('schema_version: 1\n', '', "the key 'schema_version' is missing"),
         (
             'schema_version: 1\n',
-            'schema_version: 2\nnew_key: 0\n',
-            'c.yaml: schema_version: got 2, written by a newer occ_constraints_pkg; '
-            'allowed here is 1',
+            'schema_version: 99\nnew_key: 0\n',
+            'c.yaml: schema_version: got 99, written by a newer occ_constraints_pkg; '
+            'allowed here is 2',
         ),
         ('schema_version: 1', 'schema_version: 0', 'c.yaml, line 1: schema_version: got 0'),
         ('literals:\n  - {f', 'literal:\n  - {f', "did you mean 'literals'?"),
@@ -139,12 +139,12 @@ def test_a_tree_as_deep_as_the_learner_may_grow_comes_back():
         (
             '{feature: x, operator: <=',
             '{feature: speed, operator: <=',
-            "c.yaml: rules[1].literals[0].feature: got 'speed'; allowed are x, y",
+            "c.yaml, line 15: rules[1].literals[0].feature: got 'speed'; allowed are x, y",
         ),
         (
             'bound: 1.5',
             'bound: .nan',
-            'c.yaml: rules[0].literals[0].bound: got nan; allowed is a finite number',
+            'c.yaml, line 12: rules[0].literals[0].bound: got nan; allowed is a finite number',
         ),
         ('bound: 1.5', 'bound: -.inf', 'rules[0].literals[0].bound: got -inf'),
         ('bound: 1.5', f'bound: 1{"0" * 400}', 'c.yaml: '),

@@ -76,7 +76,7 @@ def test_only_the_rules_that_are_named_change(rule_set, data):
         if data.draw(st.booleans())
     }
     bounds = {
-        name: MovedBound(name, rule_set.space.names[item.feature], item.operator, data.draw(COARSE))
+        name: MovedBound(name, item.name(rule_set.space), item.operator, data.draw(COARSE))
         for name, item in literal.items()
     }
     edits = RuleEdits(tuple(disabled), (), tuple(bounds.values()))

@@ -34,12 +34,16 @@ def reference(rule_set, sample):
         key=lambda index: len(rule_set.rules[index].literals),
     ):
         literals = rule_set.rules[index].literals
-        if first < 0 and all(HOLDS[it.operator](sample[it.feature], it.bound) for it in literals):
+        if first < 0 and all(
+            any(HOLDS[it.operator](sample[member], it.bound) for member in it.members)
+            for it in literals
+        ):
             first = index
         margins = []
         for it in literals:
-            away = sample[it.feature] - it.bound
-            margins.append((away if it.is_upper else -away) / float(rule_set.scale[it.feature]))
+            away = [sample[member] - it.bound for member in it.members]
+            away = min(away) if it.is_upper else -max(away)
+            margins.append(away / float(rule_set.scale[it.members[0]]))
         smallest = min(smallest, max(margins))
     verdict = Verdict.SAFE if first < 0 else Verdict.VIOLATED
     return verdict, first, smallest + 0.0
@@ -61,7 +65,8 @@ def points(rule_set, seed):
     bounds = [[feature.low, feature.high] for feature in rule_set.space.features]
     for rule in rule_set.rules:
         for literal in rule.literals:
-            bounds[literal.feature].append(literal.bound)
+            for member in literal.members:
+                bounds[member].append(literal.bound)
     rows = probes(rng, bounds)
     odd = rng.random(rows.shape) < 0.1
     rows[odd] = rng.choice(ODD, size=odd.sum())

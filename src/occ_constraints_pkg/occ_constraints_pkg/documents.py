@@ -9,6 +9,7 @@ import io
 import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -28,6 +29,7 @@ from ruamel.yaml.parser import Parser
 from ruamel.yaml.representer import SafeRepresenter
 from ruamel.yaml.scanner import Scanner
 
+from occ_constraints_pkg import simple_yaml
 from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.files import DOCUMENT_BYTES, read_bytes
 
@@ -82,7 +84,12 @@ def parse_yaml(text: str, where: str) -> Any:
         ConfigurationError: the text is not such a document; names ``where`` and the line.
     """
     try:
-        return _yaml().load(text)
+        return simple_yaml.read(text, _load)
+    except (simple_yaml.NotSimpleError, *_LOAD_ERRORS):
+        # A mistake is looked up in the whole text, for its line.
+        pass
+    try:
+        return _load(text)
     except _RefusedError as error:
         raise ConfigurationError(f'{where}, line {error.line}: {error}') from error
     except MarkedYAMLError as error:
@@ -90,8 +97,7 @@ def parse_yaml(text: str, where: str) -> Any:
         line = '' if mark is None else f', line {mark.line + 1}'
         problem = ' '.join((error.problem or error.context or 'unreadable').split())
         raise ConfigurationError(f'{where}{line} is not valid YAML: {problem}') from error
-    # Constructors of the YAML library raise various types, for example for a list as a key.
-    except (YAMLError, ValueError, TypeError, AttributeError, LookupError, RecursionError) as error:
+    except _LOAD_ERRORS as error:
         problem = str(error).strip().partition('\n')[0] or type(error).__name__
         raise ConfigurationError(f'{where} is not valid YAML: {problem}') from error
 
@@ -125,9 +131,20 @@ def validate(
     sentence = _sentence(error)
     if error in unknown:
         path.append(_unknown_keys(error)[0])
+    raise ConfigurationError(f'{locate(path, where, text)}{sentence}')
+
+
+def locate(path: Sequence[str | int], where: str, text: str | None = None) -> str:
+    """Return how a sentence about a key begins, such as ``c.yaml, line 3: rules[0].id: ``.
+
+    Args:
+        path: keys and positions that lead to it.
+        where: what the sentence calls the document, usually its file name.
+        text: the YAML text the document came from; with it the line is named.
+    """
     line = None if text is None else _line(text, path)
     place = where if line is None else f'{where}, line {line}'
-    raise ConfigurationError(f'{place}: {_key_path(path)}{sentence}')
+    return f'{place}: {_key_path(path)}'
 
 
 def _key_path(path: Iterable[str | int]) -> str:
@@ -151,9 +168,13 @@ def dump_yaml(document: Any) -> str:
     order, the innermost lists and mappings are on one line, and there are no aliases.
     """
     plain = _plain(document)
-    text = _dump(plain, allow_unicode=True)
+    text = simple_yaml.write(plain, partial(_dump, allow_unicode=True))
     # Unescaped, these are line breaks to a YAML reader.
     return _dump(plain, allow_unicode=False) if set(text) & set('\x85\u2028\u2029') else text
+
+
+def _load(text: str) -> Any:
+    return _yaml().load(text)
 
 
 def _dump(plain: Any, *, allow_unicode: bool) -> str:
@@ -169,6 +190,18 @@ class _RefusedError(Exception):
     def __init__(self, sentence: str, line: int) -> None:
         super().__init__(sentence)
         self.line = line + 1
+
+
+# Constructors of the YAML library raise various types, for example for a list as a key.
+_LOAD_ERRORS = (
+    _RefusedError,
+    YAMLError,
+    ValueError,
+    TypeError,
+    AttributeError,
+    LookupError,
+    RecursionError,
+)
 
 
 class _TooDeepError(_RefusedError):
@@ -217,7 +250,7 @@ class _Representer(SafeRepresenter):
     """Quotes text that the dumper would leave unquoted although it has another meaning."""
 
     def represent_str(self, data: str) -> Any:
-        style = "'" if data[:1] in ('?', ':') else None
+        style = "'" if data[:1] in simple_yaml.QUOTED_STARTS else None
         return self.represent_scalar('tag:yaml.org,2002:str', data, style=style)
 
 

@@ -114,10 +114,9 @@ def _violation_lines(timeline: Timeline, rule_set: RuleSet) -> list[str]:
         rule = rule_set.rules[item.rule]
         where = f'{timeline.data.sources[item.source]["name"]}  ' if several else ''
         where += f'episode {item.episode}  ' if episodes else ''
-        features = dict.fromkeys(literal.feature for literal in rule.literals)
+        sample = timeline.data.values[item.worst]
         values = ', '.join(
-            f'{space.names[place]} {timeline.data.values[item.worst, place]:.4g}'
-            for place in features
+            f'{space.names[place]} {sample[place]:.4g}' for place in rule.deciding(sample)
         )
         length = f'  {item.end - item.start:.{digits}f}{unit or " rows"}'
         lines.append(

@@ -106,7 +106,7 @@ def draw_rules(path: Path, rule_set: RuleSet, values: np.ndarray) -> None:
         axis.plot(points[[2, 3]], [place, place], color=_SAFE, lw=7, zorder=3)
         for rule in rule_set.rules:
             literal = rule.literals[0]
-            if len(rule.literals) > 1 or literal.feature != place or not rule.enabled:
+            if len(rule.literals) > 1 or place not in literal.members or not rule.enabled:
                 continue
             at = (literal.bound - low) / width
             side = 'right' if literal.is_upper else 'left'

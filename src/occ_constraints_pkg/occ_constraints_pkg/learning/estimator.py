@@ -233,7 +233,7 @@ def _moved(rule_set: RuleSet, offset: float) -> RuleSet:
         literals = []
         for literal in rule.literals:
             with np.errstate(over='ignore'):
-                step = offset * rule_set.scale[literal.feature]
+                step = offset * rule_set.scale[literal.members[0]]
                 bound = literal.bound + (step if literal.is_upper else -step)
             literals.append(replace(literal, bound=float(np.clip(bound, -_LARGEST, _LARGEST))))
         moved = replace(rule, literals=tuple(literals))

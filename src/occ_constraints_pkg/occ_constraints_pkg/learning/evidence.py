@@ -41,7 +41,7 @@ class LiteralEvidence:
         near: how many lie within :data:`NEAR` of the bound.
         episodes: of how many episodes these are.
         closest: (position, feature, value) of the closest, near or not, at most one per episode.
-            The feature differs from the literal's if a family shares its bounds.
+            The feature is another one than the literal's if a family shares its bounds.
     """
 
     near: int
@@ -82,29 +82,30 @@ def gather_evidence(
         safe: (n,) bool, whether the verdict on each is SAFE.
         episodes: (n,) the episode of each.
         families: positions of features with shared bounds; each bound is held by the member closest
-            to it, whichever feature the literal names.
+            to it, whichever feature the literal names. A literal about a family always is.
     """
-    members = {member: tuple(family) for family in families for member in family}
+    together = {member: tuple(family) for family in families for member in family}
     rules = [rule_set.rules[index] for index in rule_set.order]
     holders: dict[Literal, list[Rule]] = {}
     for rule in rules:
         for literal in rule.literals:
             holders.setdefault(literal, []).append(rule)
+
+    def members(literal: Literal) -> tuple[int, ...]:
+        return together.get(literal.members[0], literal.members)
+
     inside, outside = np.flatnonzero(safe), np.flatnonzero(~safe)
     found: dict[tuple[str, Literal], LiteralEvidence] = {}
     group: tuple[tuple[int, ...], bool] = ((), False)
     values, features = np.empty(0), np.empty(0)
     # Sorted so that only one column has to be copied at a time.
-    for literal in sorted(
-        holders, key=lambda item: (members.get(item.feature, (item.feature,)), item.is_upper)
-    ):
-        together = members.get(literal.feature, (literal.feature,))
-        if (together, literal.is_upper) != group:
-            group = together, literal.is_upper
+    for literal in sorted(holders, key=lambda item: (members(item), item.is_upper)):
+        if (members(literal), literal.is_upper) != group:
+            group = members(literal), literal.is_upper
             values, features = _extreme(rows, inside, *group)
         away = literal.distances(values)
         away[literal.holds(values)] = np.inf
-        near = np.flatnonzero(away <= NEAR * rule_set.scale[literal.feature])
+        near = np.flatnonzero(away <= NEAR * rule_set.scale[literal.members[0]])
         for rule in holders[literal]:
             others = [item for item in rule.literals if item != literal]
             held = _where_true(others, rows, inside, near)
@@ -163,7 +164,9 @@ def evidence_document(
                         'closest': [
                             {
                                 'value': value,
-                                **({} if feature == own.feature else {'feature': names[feature]}),
+                                **(
+                                    {} if (feature,) == own.members else {'feature': names[feature]}
+                                ),
                                 **origin(row),
                             }
                             for row, feature, value in part.closest
@@ -200,8 +203,11 @@ def _where_true(
 ) -> np.ndarray:
     """Return those of ``places``, which index ``positions`` of rows, where all literals hold."""
     for literal in literals:
-        values = rows[positions[places], literal.feature]
-        places = places[literal.holds(values)]
+        first, *others = literal.members
+        holds = literal.holds(rows[positions[places], first])
+        for member in others:
+            holds |= literal.holds(rows[positions[places], member])
+        places = places[holds]
     return places
 
 
@@ -352,7 +358,7 @@ def _describe_support(literal: Mapping[str, Any], near: float) -> str:
 
 def _describe_sample(sample: Mapping[str, Any]) -> str:
     text = f'{sample["value"]!r}'
-    text += f' ({sample["feature"]}, of the same family)' if 'feature' in sample else ''
+    text += f' ({sample["feature"]}, of the family)' if 'feature' in sample else ''
     if sample.get('source'):
         text += f' in {sample["source"]}'
     if 'time_ns' in sample:

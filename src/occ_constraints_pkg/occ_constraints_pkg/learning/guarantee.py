@@ -13,7 +13,7 @@ from occ_constraints_pkg.wording import count_of
 CONFIDENCE = 0.9
 """Of the bound for this very rule set; the guarantee itself is a mean over draws."""
 
-# Vanished rules that are named; families have as many as members.
+# Vanished rules that are named.
 _MOST_NAMED = 4
 
 

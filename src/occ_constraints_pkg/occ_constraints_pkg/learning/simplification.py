@@ -14,7 +14,7 @@ import numpy as np
 from occ_constraints_pkg.learning.boxes import Box, simplify_boxes
 from occ_constraints_pkg.learning.extraction import extract_rules
 from occ_constraints_pkg.learning.tree import Node
-from occ_constraints_pkg.rules.rule import Literal, Rule
+from occ_constraints_pkg.rules.rule import Literal, Rule, Subject
 from occ_constraints_pkg.rules.ruleset import RuleSet, rule_ids
 from occ_constraints_pkg.rules.space import FeatureSpace
 from occ_constraints_pkg.terminal import printable
@@ -54,6 +54,8 @@ def simplify(
       value;
     - a rule is removed that can never be true, or that another rule contains;
     - rules that differ in one feature only, and there touch or overlap, become one;
+    - rules that are equal but for the member of a family, one for each of its members, become one
+      about any of them;
     - a literal is dropped if everything that the rule thereby gains lies in another rule.
 
     Verdicts stay the same, and so do margins of safe samples, except that rules beyond the physical
@@ -158,9 +160,13 @@ def _rebuilt(
 
 def _in_order(box: Box, rule: Rule) -> tuple[Literal, ...]:
     """Return the box's literals with the features in the order of its first rule."""
-    order = list(dict.fromkeys(literal.feature for literal in rule.literals))
-    ends = sorted(box.ends, key=lambda end: (order.index(end[0]), end[1]))
-    return tuple(box.ends[end] for end in ends) or rule.literals[:1]
+    order = [literal.members for literal in rule.literals]
+
+    def place(end: tuple[Subject, bool]) -> tuple[int, bool]:
+        members = set(end[0][0])
+        return next(index for index, own in enumerate(order) if members & set(own)), end[1]
+
+    return tuple(box.ends[end] for end in sorted(box.ends, key=place)) or rule.literals[:1]
 
 
 def _new_id(

@@ -7,7 +7,7 @@ from __future__ import annotations
 import hashlib
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from occ_constraints_pkg.documents import (
     did_you_mean,
     dump_yaml,
     load_schema,
+    locate,
     parse_yaml,
     read_text,
     validate,
@@ -28,7 +29,8 @@ from occ_constraints_pkg.rules.rule import Literal, Rule
 from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.rules.space import Feature, FeatureSpace
 
-_SCHEMA_VERSION = 1
+# 2 has literals about families.
+_SCHEMA_VERSION = 2
 # Last line of a file that was derived from another one.
 _SEAL = re.compile(r'^# not edited since occ wrote it, SHA-256 ([0-9a-f]{64})\n\Z', re.MULTILINE)
 _SCHEMA = load_schema(__package__, 'constraints.schema.json')
@@ -40,6 +42,15 @@ _OTHER_KINDS = {
     'recordings': 'a manifest that lists recordings',
     'rosbag2_bagfile_information': 'the metadata of a recording',
 }
+_Path = tuple[str | int, ...]
+
+
+class _KeyError(ConfigurationError):
+    """A value that is not allowed, and the path of keys to it."""
+
+    def __init__(self, path: _Path, sentence: str) -> None:
+        super().__init__(sentence)
+        self.path = path
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,10 +280,12 @@ def parse_constraints(text: str, where: str) -> Constraints:
             [item['demonstrated'] for item in document['features']], dtype=np.float64
         )
         rules = tuple(
-            _rule(item, f'rules[{index}]', space) for index, item in enumerate(document['rules'])
+            _rule(item, ('rules', index), space) for index, item in enumerate(document['rules'])
         )
         rule_set = RuleSet(space, rules, demonstrated)
         _check_units(document)
+    except _KeyError as error:
+        raise ConfigurationError(f'{locate(error.path, where, text)}{error}') from error
     except (OccError, OverflowError) as error:
         raise ConfigurationError(f'{where}: {error}') from error
     return Constraints(
@@ -334,10 +347,13 @@ def _feature(item: Mapping[str, Any]) -> Feature:
     )
 
 
-def _rule(item: Mapping[str, Any], where: str, space: FeatureSpace) -> Rule:
+def _rule(item: Mapping[str, Any], path: _Path, space: FeatureSpace) -> Rule:
     return Rule(
         item['id'],
-        tuple(_literals(item['literals'], f'{where}.literals', space)),
+        tuple(
+            _literal(literal, (*path, 'literals', index), space)
+            for index, literal in enumerate(item['literals'])
+        ),
         item.get('enabled', True),
         item.get('note', ''),
         item.get('evaluated', 0),
@@ -345,18 +361,39 @@ def _rule(item: Mapping[str, Any], where: str, space: FeatureSpace) -> Rule:
     )
 
 
-def _literals(items: list[dict[str, Any]], where: str, space: FeatureSpace) -> Iterator[Literal]:
-    for index, item in enumerate(items):
-        name = item['feature']
-        if name not in space.names:
-            hint = did_you_mean(name, space.names) or ';'
-            raise ConfigurationError(
-                f'{where}[{index}].feature: got {name!r}{hint} allowed are {", ".join(space.names)}'
-            )
-        try:
-            yield Literal(space.index(name), item['operator'], float(item['bound']))
-        except OccError as error:
-            raise ConfigurationError(f'{where}[{index}].{error}') from error
+def _literal(item: Mapping[str, Any], path: _Path, space: FeatureSpace) -> Literal:
+    subject: int | tuple[int, ...]
+    if 'family' in item:
+        subject = _members(item['family'], (*path, 'family'), space)
+    elif item['feature'] in space.names:
+        subject = space.index(item['feature'])
+    else:
+        hint = did_you_mean(item['feature'], space.names) or ';'
+        raise _KeyError(
+            (*path, 'feature'),
+            f'got {item["feature"]!r}{hint} allowed are {", ".join(space.names)}',
+        )
+    try:
+        return Literal(subject, item['operator'], float(item['bound']))
+    except OccError as error:
+        raise _KeyError((*path, 'bound'), str(error).removeprefix('bound: ')) from error
+
+
+def _members(name: str, path: _Path, space: FeatureSpace) -> tuple[int, ...]:
+    families = {space.features[members[0]].family: members for members in space.families}
+    if name in families:
+        return families[name]
+    is_single = any(feature.family == name for feature in space.features)
+    what = ', a family of one feature' if is_single else did_you_mean(name, families)
+    raise _KeyError(
+        path,
+        f'got {name!r}{what}{"" if what.endswith("?") else ";"} '
+        + (
+            f'allowed are families of two or more features: {", ".join(families)}'
+            if families
+            else 'allowed is the key feature instead, as no two features are of one family'
+        ),
+    )
 
 
 def _rule_document(rule: Rule, space: FeatureSpace) -> dict[str, Any]:
@@ -365,7 +402,11 @@ def _rule_document(rule: Rule, space: FeatureSpace) -> dict[str, Any]:
         'text': rule.words(space),
         'literals': [
             {
-                'feature': space.names[literal.feature],
+                **(
+                    {'family': space.features[literal.members[0]].family}
+                    if literal.is_family
+                    else {'feature': literal.name(space)}
+                ),
                 'operator': literal.operator,
                 'bound': float(literal.bound),
             }

@@ -14,8 +14,11 @@ from occ_constraints_pkg.rules.rule import Literal, Rule
 from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.rules.space import FeatureSpace
 
-_BOUND = re.compile(r'\s*(\S+)\s*:\s*(\S+)\s*(<=|>=|<|>)\s*(\S+)\s*')
-_BOUND_FORM = "'RULE: FEATURE OPERATOR NUMBER', such as 'R41297: d_l2 > 0.9'"
+_BOUND = re.compile(r'\s*(\S+)\s*:\s*(any\s+\S+|\S+)\s*(<=|>=|<|>)\s*(\S+)\s*')
+_BOUND_FORM = (
+    "'RULE: FEATURE OPERATOR NUMBER', such as 'R41297: d_l2 > 0.9' or, for a family, "
+    "'R41297: any d_l > 0.9'"
+)
 
 
 @dataclass(frozen=True)
@@ -24,7 +27,7 @@ class MovedBound:
 
     Attributes:
         rule: the rule's id.
-        feature: the feature's name.
+        feature: the feature's name; ``any`` and a family's name for a literal about that.
         operator: as in the rule.
         bound: the new bound.
     """
@@ -99,7 +102,7 @@ class RuleEdits:
     def within(self, rule_set: RuleSet) -> RuleEdits:
         """Return those of the edits that can be applied to a rule set."""
         literals = {
-            (rule.id, rule_set.space.names[literal.feature], literal.operator)
+            (rule.id, literal.name(rule_set.space), literal.operator)
             for rule in rule_set.rules
             for literal in rule.literals
         }
@@ -125,11 +128,11 @@ def _moved(
     name: str, literals: tuple[Literal, ...], item: MovedBound, space: FeatureSpace
 ) -> tuple[Literal, ...]:
     fits = [
-        space.names[literal.feature] == item.feature and literal.operator == item.operator
+        literal.name(space) == item.feature and literal.operator == item.operator
         for literal in literals
     ]
     if not any(fits):
-        own = ', '.join(f'{space.names[one.feature]} {one.operator}' for one in literals)
+        own = ', '.join(f'{one.name(space)} {one.operator}' for one in literals)
         raise ConfigurationError(
             f'rule {name!r} has no literal {item.feature} {item.operator}; it has {own}'
         )
@@ -145,6 +148,7 @@ def _bound(text: str) -> MovedBound:
         if found is None:
             raise ValueError(text)
         rule, feature, operator, number = found.groups()
-        return MovedBound(rule, feature, operator, Literal(0, operator, float(number)).bound)
+        bound = Literal(0, operator, float(number)).bound
+        return MovedBound(rule, ' '.join(feature.split()), operator, bound)
     except (ValueError, OccError):
         raise ConfigurationError(f'a moved bound is {text!r}; allowed is {_BOUND_FORM}') from None

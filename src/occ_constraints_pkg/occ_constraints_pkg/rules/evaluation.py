@@ -11,15 +11,15 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cached_property
 from itertools import groupby
-from operator import attrgetter
+from operator import attrgetter, itemgetter
 from typing import NamedTuple
 
 import numpy as np
 
-from occ_constraints_pkg.rules.rule import COMPARISONS, Literal, Rule, split_off_single
+from occ_constraints_pkg.rules.rule import COMPARISONS, Literal, Rule, Subject, split_off_single
 from occ_constraints_pkg.rules.space import FeatureSpace
 from occ_constraints_pkg.rules.verdict import Verdict
 
@@ -28,15 +28,18 @@ _DEEPEST = 20
 
 
 class _Group(NamedTuple):
-    """Literals of one feature, at most one lower and one upper.
+    """Literals of one feature, at most one lower and one upper; or one of a family.
 
     Attributes:
-        feature: the feature's position.
         literals: one or two.
     """
 
-    feature: int
     literals: tuple[Literal, ...]
+
+    @property
+    def first(self) -> Literal:
+        """Any of them, for what they have in common."""
+        return self.literals[0]
 
 
 class Disjunction(NamedTuple):
@@ -78,7 +81,8 @@ def _safe_box(space: FeatureSpace, formula: Disjunction) -> np.ndarray:
     for group in formula.ends:
         for literal in group.literals:
             end, pick = (0, max) if literal.is_upper else (1, min)
-            box[end, literal.feature] = pick(box[end, literal.feature], literal.last)
+            for member in literal.members:
+                box[end, member] = pick(box[end, member], literal.last)
     return box
 
 
@@ -103,17 +107,85 @@ def _factor(conjunctions: list[tuple[Literal, ...]], levels: int) -> Disjunction
 
 
 def _groups(literals: Iterable[Literal]) -> tuple[_Group, ...]:
-    by_feature = sorted(literals, key=attrgetter('feature'))
-    return tuple(
-        _Group(feature, tuple(same)) for feature, same in groupby(by_feature, attrgetter('feature'))
-    )
+    by_subject = sorted(literals, key=attrgetter('subject'))
+    return tuple(_Group(tuple(same)) for _, same in groupby(by_subject, attrgetter('subject')))
 
 
-# A feature, and the closed interval on which its literals are true.
+def _literals(formula: Disjunction) -> Iterator[Literal]:
+    for group in formula.ends:
+        yield from group.literals
+    for groups, inner in formula.parts:
+        for group in groups:
+            yield from group.literals
+        yield from _literals(inner)
+
+
+_Pick = Callable[[list[float]], tuple[float, ...]]
+_Decide = Callable[[tuple[float, ...]], float]
+
+
+class _Extremes:
+    """The smallest and the largest members of families, as columns behind the features.
+
+    Args:
+        features: number of features, k.
+        literals: what has to be evaluated; only what they are about gets a column.
+    """
+
+    def __init__(self, features: int, literals: Iterable[Literal]) -> None:
+        subjects: dict[Subject, None] = dict.fromkeys(
+            literal.subject for literal in literals if literal.is_family
+        )
+        self._features = features
+        self._places = {subject: features + place for place, subject in enumerate(subjects)}
+        self._of_row: list[tuple[_Pick, _Decide]] = [
+            (itemgetter(*members), min if end < 0 else max) for members, end in subjects
+        ]
+        self._of_columns = [
+            (_as_slice(members), np.fmin if end < 0 else np.fmax) for members, end in subjects
+        ]
+
+    def __len__(self) -> int:
+        return len(self._places)
+
+    def column(self, literal: Literal) -> int:
+        """Return where the values that decide are."""
+        if isinstance(literal.feature, tuple):
+            return self._places[literal.subject]
+        return literal.feature
+
+    def extend(self, row: list[float]) -> list[float]:
+        """Return a sample of k finite numbers with the extremes appended."""
+        if not self._of_row:
+            return row
+        return row + [decide(members(row)) for members, decide in self._of_row]
+
+    def fill(self, columns: np.ndarray) -> None:
+        """Compute the extremes in (k + extremes, n) columns, of which the first k are there."""
+        for place, (members, decide) in enumerate(self._of_columns, self._features):
+            decide.reduce(columns[members], axis=0, out=columns[place])
+
+    def extended(self, rows: np.ndarray) -> np.ndarray:
+        """Return (k + extremes, n) columns for (n, k) samples."""
+        if not self._of_columns:
+            return rows.T
+        columns = np.empty((self._features + len(self), len(rows)))
+        columns[: self._features] = rows.T
+        self.fill(columns)
+        return columns
+
+
+def _as_slice(members: tuple[int, ...]) -> slice | list[int]:
+    """Return an index of these members; one that copies nothing, if they are adjacent."""
+    first, last = members[0], members[-1]
+    return slice(first, last + 1) if members == tuple(range(first, last + 1)) else list(members)
+
+
+# A column, and the closed interval on which its literals are true.
 _Condition = tuple[int, float, float]
 # Conditions that must all be true, and branches, one of which must be true if there are any.
 _Branch = tuple[tuple[_Condition, ...], tuple['_Branch', ...]]
-# Feature, sign, signed bound and scale of a literal: its distance from becoming true.
+# Column, sign, signed bound and scale of a literal: its distance from becoming true.
 _Distance = tuple[int, float, float, float]
 # Of a disjunction: literals that are enough alone, and conjunctions of some with a disjunction.
 _Distances = tuple[tuple[_Distance, ...], tuple[tuple[tuple[_Distance, ...], '_Distances'], ...]]
@@ -134,8 +206,12 @@ class ShortCircuit:
     def __init__(self, space: FeatureSpace, formula: Disjunction, scale: np.ndarray) -> None:
         self._bounds = list(zip(*space.finite_bounds.tolist(), strict=True))
         self._box = list(zip(*_safe_box(space, formula).tolist(), strict=True))
-        self._branches = _branches(Disjunction((), formula.parts))
-        self._distances = _distances(formula, scale.tolist())
+        # Single literals are in the box, those of families as bounds of each member.
+        several = Disjunction((), formula.parts)
+        self._truth_extremes = _Extremes(len(space), _literals(several))
+        self._branches = _branches(several, self._truth_extremes)
+        self._extremes = _Extremes(len(space), _literals(formula))
+        self._distances = _distances(formula, scale.tolist(), self._extremes)
 
     def verdict(self, row: list[float]) -> Verdict:
         """Return the verdict on one sample."""
@@ -143,6 +219,7 @@ class ShortCircuit:
             # Written so that NaN fails.
             if not low <= value <= high:
                 return Verdict.VIOLATED if self.is_known(row) else Verdict.UNKNOWN
+        row = self._truth_extremes.extend(row)
         return Verdict.VIOLATED if _is_true(self._branches, row) else Verdict.SAFE
 
     def is_known(self, row: list[float]) -> bool:
@@ -154,14 +231,15 @@ class ShortCircuit:
 
     def margin(self, row: list[float]) -> float:
         """Return the margin of one sample; what one that is not known gives has no meaning."""
+        row = self._extremes.extend(row)
         # Adding 0 leaves no minus zero.
         return _lowered(math.inf, self._distances, row, -math.inf) + 0.0
 
 
 def _is_true(branches: tuple[_Branch, ...], row: list[float]) -> bool:
     for conditions, inner in branches:
-        for feature, low, high in conditions:
-            if not low <= row[feature] <= high:
+        for column, low, high in conditions:
+            if not low <= row[column] <= high:
                 break
         else:
             if not inner or _is_true(inner, row):
@@ -169,15 +247,18 @@ def _is_true(branches: tuple[_Branch, ...], row: list[float]) -> bool:
     return False
 
 
-def _branches(formula: Disjunction) -> tuple[_Branch, ...]:
+def _branches(formula: Disjunction, extremes: _Extremes) -> tuple[_Branch, ...]:
     single = (
-        ((_condition(_Group(group.feature, (literal,))),), ())
+        ((_condition(_Group((literal,)), extremes),), ())
         for group in formula.ends
         for literal in group.literals
     )
     return (
         *single,
-        *((tuple(map(_condition, groups)), _branches(inner)) for groups, inner in formula.parts),
+        *(
+            (tuple(_condition(group, extremes) for group in groups), _branches(inner, extremes))
+            for groups, inner in formula.parts
+        ),
     )
 
 
@@ -188,14 +269,14 @@ def _lowered(margin: float, formula: _Distances, row: list[float], least: float)
     no smaller, the rest needs no look.
     """
     ends, parts = formula
-    for feature, sign, bound, scale in ends:
-        distance = (bound - sign * row[feature]) / scale
+    for column, sign, bound, scale in ends:
+        distance = (bound - sign * row[column]) / scale
         if distance < margin:
             margin = max(distance, least)
     for condition, inner in parts:
         outer = least
-        for feature, sign, bound, scale in condition:
-            distance = (bound - sign * row[feature]) / scale
+        for column, sign, bound, scale in condition:
+            distance = (bound - sign * row[column]) / scale
             if distance > outer:
                 outer = distance
                 if outer >= margin:
@@ -205,29 +286,37 @@ def _lowered(margin: float, formula: _Distances, row: list[float], least: float)
     return margin
 
 
-def _distances(formula: Disjunction, scale: list[float]) -> _Distances:
+def _distances(formula: Disjunction, scale: list[float], extremes: _Extremes) -> _Distances:
     parts = (
-        (_of_groups(groups, scale), _distances(inner, scale)) for groups, inner in formula.parts
+        (_of_groups(groups, scale, extremes), _distances(inner, scale, extremes))
+        for groups, inner in formula.parts
     )
-    return _of_groups(formula.ends, scale), tuple(parts)
+    return _of_groups(formula.ends, scale, extremes), tuple(parts)
 
 
-def _of_groups(groups: Iterable[_Group], scale: list[float]) -> tuple[_Distance, ...]:
+def _of_groups(
+    groups: Iterable[_Group], scale: list[float], extremes: _Extremes
+) -> tuple[_Distance, ...]:
     return tuple(
-        (group.feature, literal.sign, literal.sign * literal.bound, scale[group.feature])
+        (
+            extremes.column(literal),
+            literal.sign,
+            literal.sign * literal.bound,
+            scale[literal.members[0]],
+        )
         for group in groups
         for literal in group.literals
     )
 
 
-def _condition(group: _Group) -> _Condition:
+def _condition(group: _Group, extremes: _Extremes) -> _Condition:
     low, high = -math.inf, math.inf
     for literal in group.literals:
         if literal.is_upper:
             high = literal.first
         else:
             low = literal.first
-    return group.feature, low, high
+    return extremes.column(group.first), low, high
 
 
 # Numbers per block. Larger blocks leave the second-level cache; with smaller ones the calls
@@ -262,37 +351,38 @@ class Columns:
     def passed(self, rows: np.ndarray) -> np.ndarray:
         """Return (n,) whether samples are known and the formula is false, for (n, k) float64."""
         passed = np.empty(len(rows), dtype=bool)
-        for block, columns in self._blocks(rows):
+        for block, columns in self._blocks(rows, self._truth):
             # For truth values greater is "and not".
-            np.greater(_within(columns, self._box), self._truth.run(columns), out=passed[block])
+            np.greater(self._within(columns, self._box), self._truth.run(columns), passed[block])
         return passed
 
     def margins(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return (n,) whether samples are known, and (n,) their margins, meaningless if not."""
         known, margin = np.empty(len(rows), dtype=bool), np.empty(len(rows))
-        for block, columns in self._blocks(rows):
-            known[block] = _within(columns, self._bounds)
+        for block, columns in self._blocks(rows, self._margin):
+            known[block] = self._within(columns, self._bounds)
             # Adding 0 leaves no minus zero.
             np.add(self._margin.run(columns), 0.0, out=margin[block])
         return known, margin
 
-    def _blocks(self, rows: np.ndarray) -> Iterator[tuple[slice, np.ndarray]]:
-        """Yield blocks of rows as (k, size) columns; the next block reuses the memory."""
-        features = rows.shape[1]
-        size = max(_BLOCK // features, _FEWEST_ROWS)
-        memory = np.empty((features, min(size, len(rows))))
+    def _blocks(self, rows: np.ndarray, program: _Program) -> Iterator[tuple[slice, np.ndarray]]:
+        """Yield blocks of rows as columns for a program; the next block reuses the memory."""
+        features, extremes = rows.shape[1], program.extremes
+        size = max(_BLOCK // (features + len(extremes)), _FEWEST_ROWS)
+        memory = np.empty((features + len(extremes), min(size, len(rows))))
         for start in range(0, len(rows), size):
             block = slice(start, min(start + size, len(rows)))
             columns = memory[:, : block.stop - start]
-            np.copyto(columns, rows[block].T)
+            np.copyto(columns[:features], rows[block].T)
+            extremes.fill(columns)
             yield block, columns
 
-
-def _within(columns: np.ndarray, bounds: np.ndarray) -> np.ndarray:
-    """Return (n,) whether all features lie in a box (2, k, 1); NaN never does."""
-    inside = columns >= bounds[0]
-    np.logical_and(inside, columns <= bounds[1], out=inside)
-    return np.logical_and.reduce(inside, axis=0)
+    def _within(self, columns: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+        """Return (n,) whether all features lie in a box (2, k, 1); NaN never does."""
+        features = columns[: len(self._scale)]
+        inside = features >= bounds[0]
+        np.logical_and(inside, features <= bounds[1], out=inside)
+        return np.logical_and.reduce(inside, axis=0)
 
 
 class _Step(NamedTuple):
@@ -310,16 +400,20 @@ class _Program:
     Operands are the columns, then constants, then registers for intermediate results. There are
     few registers, so they stay in the cache; register r has position ~r, counted from the end.
 
+    Attributes:
+        extremes: columns that it needs besides the features.
+
     Args:
         formula: what to evaluate.
-        features: number of columns.
+        features: number of features.
         scale: (k,) the unit of distance of each feature, for the margin; ``None``: the truth.
     """
 
     def __init__(
         self, formula: Disjunction, features: int, scale: np.ndarray | None = None
     ) -> None:
-        self._features, self._scale = features, scale
+        self.extremes = _Extremes(features, _literals(formula))
+        self._columns, self._scale = features + len(self.extremes), scale
         self._constants: list[np.ndarray] = []
         self._places: dict[float, int] = {}
         self._steps: list[_Step] = []
@@ -334,7 +428,7 @@ class _Program:
         self._registers = 1 + max((~step.result for step in self._steps), default=0)
 
     def run(self, columns: np.ndarray) -> np.ndarray:
-        """Return (n,) truth or margin of n samples, given as (k, n) columns.
+        """Return (n,) truth or margin of n samples, given as (k + extremes, n) columns.
 
         The result is meaningless where a value is not finite.
         """
@@ -381,22 +475,22 @@ class _Program:
             self._emit(combine, ~register, ~(register + 1), register)
         if self._scale is not None:
             # Once per group: dividing by a positive number keeps the order.
-            scale = self._constant(self._scale[group.feature])
+            scale = self._constant(self._scale[group.first.members[0]])
             self._emit(np.divide, ~register, scale, register)
 
     def _emit_literal(self, literal: Literal, register: int) -> None:
-        feature, bound = literal.feature, self._constant(literal.bound)
+        column, bound = self.extremes.column(literal), self._constant(literal.bound)
         if self._scale is None:
-            self._emit(COMPARISONS[literal.operator], feature, bound, register)
+            self._emit(COMPARISONS[literal.operator], column, bound, register)
         elif literal.is_upper:
-            self._emit(np.subtract, feature, bound, register)
+            self._emit(np.subtract, column, bound, register)
         else:
-            self._emit(np.subtract, bound, feature, register)
+            self._emit(np.subtract, bound, column, register)
 
     def _constant(self, number: float) -> int:
         """Return the position of a constant; NumPy is fastest if it is an array."""
         if number not in self._places:
-            self._places[number] = self._features + len(self._constants)
+            self._places[number] = self._columns + len(self._constants)
             self._constants.append(np.array(number, dtype=np.float64))
         return self._places[number]
 
@@ -408,11 +502,11 @@ class RuleTable:
     this is exact, bounds included.
 
     Attributes:
-        feature: (m,) the feature of each literal.
+        literals: the m literals.
         sign: (m, 1) 1.0 or -1.0; a column, for any number of samples.
         threshold: (m, 1) the largest signed value on which the literal is false.
-        members: (all literals,) positions of the literals of one rule after another.
-        starts: (rules,) where each rule begins in ``members``.
+        places: (all literals,) positions of the literals of one rule after another.
+        starts: (rules,) where each rule begins in ``places``.
 
     Args:
         rules: which.
@@ -421,30 +515,32 @@ class RuleTable:
 
     def __init__(self, rules: Sequence[Rule], scale: np.ndarray) -> None:
         literals = [literal for rule in rules for literal in rule.literals]
-        unique = list(dict.fromkeys(literals))
-        place = {literal: index for index, literal in enumerate(unique)}
-        self.members = np.array([place[literal] for literal in literals], dtype=np.intp)
+        self.literals = tuple(dict.fromkeys(literals))
+        place = {literal: index for index, literal in enumerate(self.literals)}
+        self.places = np.array([place[literal] for literal in literals], dtype=np.intp)
         self.starts = np.cumsum([0, *(len(rule.literals) for rule in rules)], dtype=np.intp)[:-1]
-        self.feature = np.array([literal.feature for literal in unique], dtype=np.intp)
-        self.sign = np.array([[literal.sign] for literal in unique]).reshape(-1, 1)
-        bound = np.array([[literal.bound] for literal in unique]).reshape(-1, 1)
-        last = np.array([[literal.last] for literal in unique]).reshape(-1, 1)
+        self.sign = np.array([[item.sign] for item in self.literals]).reshape(-1, 1)
+        bound = np.array([[item.bound] for item in self.literals]).reshape(-1, 1)
+        last = np.array([[item.last] for item in self.literals]).reshape(-1, 1)
         self.threshold = self.sign * last
         self._signed_bound = self.sign * bound
+        self._extremes = _Extremes(len(scale), self.literals)
+        self._column = np.array([self._extremes.column(item) for item in self.literals], np.intp)
         # Not its reciprocal, which overflows for a very small range.
-        self._scale = scale[self.feature, None]
+        first = np.array([item.members[0] for item in self.literals], dtype=np.intp)
+        self._scale = scale[first, None]
 
     def truth(self, rows: np.ndarray) -> np.ndarray:
         """Return (rules, n) bool: which rules are true on (n, k) samples."""
         holds = self._signed(rows) > self.threshold
-        return np.logical_and.reduceat(holds[self.members], self.starts, axis=0)
+        return np.logical_and.reduceat(holds[self.places], self.starts, axis=0)
 
     def margins(self, rows: np.ndarray) -> np.ndarray:
         """Return (rules, n) float64: how far (n, k) samples are from making each rule true."""
         with np.errstate(invalid='ignore', over='ignore'):
             distances = (self._signed_bound - self._signed(rows)) / self._scale
         # Adding 0 leaves no minus zero.
-        return np.maximum.reduceat(distances[self.members], self.starts, axis=0) + 0.0
+        return np.maximum.reduceat(distances[self.places], self.starts, axis=0) + 0.0
 
     def _signed(self, rows: np.ndarray) -> np.ndarray:
-        return self.sign * rows.T[self.feature]
+        return self.sign * self._extremes.extended(rows)[self._column]

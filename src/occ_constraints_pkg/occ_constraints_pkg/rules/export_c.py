@@ -58,9 +58,11 @@ static const char *const {prefix}_rule_texts[] = {{{texts}}};
 
 /* Enabled rules in the order they are tried, and where their literals begin; the last entry ends
  * the table of literals. A literal is true if sign * feature is above bound, or, unless it is
- * strict, equal to it. */
+ * strict, equal to it. Of a family it speaks of any member, so of the largest sign * feature; the
+ * features of each literal begin at the entry of members, and end where the next one's do. */
 static const int {prefix}_order[] = {{{order}}};
 static const int {prefix}_starts[] = {{{starts}}};
+static const int {prefix}_members[] = {{{members}}};
 static const int {prefix}_feature[] = {{{feature}}};
 static const double {prefix}_sign[] = {{{sign}}};
 static const double {prefix}_bound[] = {{{bound}}};
@@ -81,7 +83,11 @@ static inline {prefix}_judgement {prefix}_judge(const double features[{upper}_FE
     int is_true = 1;
     double margin = -INFINITY;
     for (int j = {prefix}_starts[i]; j < {prefix}_starts[i + 1]; ++j) {{
-      const double value = {prefix}_sign[j] * features[{prefix}_feature[j]];
+      double value = {prefix}_sign[j] * features[{prefix}_feature[{prefix}_members[j]]];
+      for (int m = {prefix}_members[j] + 1; m < {prefix}_members[j + 1]; ++m) {{
+        const double other = {prefix}_sign[j] * features[{prefix}_feature[m]];
+        if (other > value) value = other;
+      }}
       const double distance = ({prefix}_bound[j] - value) / {prefix}_scale[j];
       is_true &= {prefix}_strict[j] ? value > {prefix}_bound[j] : value >= {prefix}_bound[j];
       if (distance > margin) margin = distance;
@@ -121,6 +127,7 @@ def export_c(rule_set: RuleSet, prefix: str = 'occ') -> str:
     tried = [rules[index].literals for index in rule_set.order]
     literals = [literal for conjunction in tried for literal in conjunction]
     signs = [literal.sign for literal in literals]
+    members = [len(literal.members) for literal in literals]
     # An infinite bound becomes the largest double, so that infinite values are UNKNOWN as well.
     largest = np.finfo(np.float64).max
     return _HEADER.format(
@@ -130,8 +137,9 @@ def export_c(rule_set: RuleSet, prefix: str = 'occ') -> str:
         features=len(space),
         rules=len(rules),
         tried=len(tried),
-        # Two per feature; of each literal its truth and its margin; one margin per rule.
-        comparisons=2 * len(space) + 2 * len(literals) + len(tried),
+        # Two per feature; of each literal its truth, its margin, and those between members of a
+        # family; one margin per rule.
+        comparisons=2 * len(space) + len(literals) + sum(members) + len(tried),
         names=_strings(space.names),
         units=_strings(feature.unit for feature in space.features),
         lows=_doubles(space.lows.clip(-largest)),
@@ -140,11 +148,12 @@ def export_c(rule_set: RuleSet, prefix: str = 'occ') -> str:
         texts=_strings(rule.words(space) for rule in rules),
         order=_integers(rule_set.order),
         starts=_integers(itertools.accumulate(map(len, tried), initial=0)),
-        feature=_integers(literal.feature for literal in literals),
+        members=_integers(itertools.accumulate(members, initial=0)),
+        feature=_integers(member for literal in literals for member in literal.members),
         sign=_doubles(signs),
         bound=_doubles(sign * literal.bound for sign, literal in zip(signs, literals, strict=True)),
         strict=_integers(literal.is_strict for literal in literals),
-        scale=_doubles(rule_set.scale[literal.feature] for literal in literals),
+        scale=_doubles(rule_set.scale[literal.members[0]] for literal in literals),
     )
 
 

@@ -64,7 +64,27 @@ class Forecaster:
             )
         self._rules = rule_set
         self._rows = _Window(len(rule_set.space), window)
-        self._table = rule_set.table
+        self._table = table = rule_set.table
+        # One entry for each member of each literal.
+        counts = [len(literal.members) for literal in table.literals]
+        members = [member for literal in table.literals for member in literal.members]
+        self._feature = np.array(members, dtype=np.intp)
+        self._sign = np.repeat(table.sign[:, 0], counts)
+        self._threshold = np.repeat(table.threshold[:, 0], counts)
+        # Where those of each literal begin; none if all have one.
+        self._begins: np.ndarray | None = None
+        if len(members) > len(counts):
+            self._begins = np.cumsum([0, *counts], dtype=np.intp)[:-1]
+        rules = [rule_set.rules[index] for index in rule_set.order]
+        self._rule = np.repeat(np.arange(len(rules)), [len(rule.literals) for rule in rules])
+        # How often a time may have to move on: to where all literals have become true; for ever, if
+        # another one is not true any more there; and once for each that becomes true again.
+        families = (
+            sum(item.is_family for item in rule.literals)
+            for rule in rules
+            if len(rule.literals) > 1
+        )
+        self._moves = 2 + max(families, default=-1)
 
     def reset(self) -> None:
         """Drop all rows: the next one does not continue them."""
@@ -93,42 +113,77 @@ class Forecaster:
             return Forecast(0.0, rule, self._nearest(rule))
         # On overflow nothing is foreseen.
         with np.errstate(all='ignore'):
-            slopes = self._rows.slopes() if len(self._table.feature) else None
+            slopes = self._rows.slopes() if self._table.literals else None
             return Forecast(math.inf) if slopes is None else self._first(slopes)
 
     def _nearest(self, rule: int) -> int:
         """Return the feature with the smallest distance into a true rule."""
         row, scale = self._rows.newest, self._rules.scale
-        literals = self._rules.rules[rule].literals
+        features = [literal.deciding(row) for literal in self._rules.rules[rule].literals]
         inside = [
-            abs(literal.distances(row[literal.feature], scale[literal.feature]))
-            for literal in literals
+            abs(literal.distances(row[feature], scale[feature]))
+            for literal, feature in zip(self._rules.rules[rule].literals, features, strict=True)
         ]
-        return literals[inside.index(min(inside))].feature
+        return features[inside.index(min(inside))]
 
     def _first(self, slopes: np.ndarray) -> Forecast:
         table = self._table
-        sign, threshold = table.sign[:, 0], table.threshold[:, 0]
         # Adding 0 leaves no minus zero, by which a distance would change its sign.
-        speed = sign * slopes.take(table.feature) + 0.0
-        crossing = (threshold - sign * self._rows.newest.take(table.feature)) / speed
+        speed = self._sign * slopes.take(self._feature) + 0.0
+        crossing = (self._threshold - self._sign * self._rows.newest.take(self._feature)) / speed
         # Where nothing moves, that is -inf for what is true, inf or NaN for what is not.
         leaves = speed < 0.0
-        begins = np.where(leaves, -np.inf, crossing).take(table.members)
-        ends = np.where(leaves, crossing, np.inf).take(table.members)
-        begin = np.maximum(np.maximum.reduceat(begins, table.starts), 0.0)
-        is_reached = begin < np.minimum.reduceat(ends, table.starts)
-        times = np.where(is_reached, begin, np.inf)
+        begins = np.where(leaves, -np.inf, crossing)
+        if self._begins is None:
+            ends = np.where(leaves, crossing, np.inf).take(table.places)
+            own = begins.take(table.places)
+            begin = np.maximum(np.maximum.reduceat(own, table.starts), 0.0)
+            times = np.where(begin < np.minimum.reduceat(ends, table.starts), begin, np.inf)
+        else:
+            times, own = self._of_families(crossing, leaves, self._begins)
         place = int(times.argmin())
         seconds = float(times[place])
         if seconds == math.inf:
             return Forecast(seconds)
         rule = int(self._rules.order[place])
-        own = slice(
-            table.starts[place], table.starts[place] + len(self._rules.rules[rule].literals)
-        )
-        feature = table.feature[table.members[own][begins[own].argmax()]]
-        return Forecast(seconds, rule, int(feature))
+        start = table.starts[place]
+        literals = slice(start, start + len(self._rules.rules[rule].literals))
+        begun = np.where(own[literals] <= seconds, own[literals], -np.inf)
+        last = int(table.places[literals][begun.argmax()])
+        return Forecast(seconds, rule, self._arriving(last, begins))
+
+    def _of_families(
+        self, crossing: np.ndarray, leaves: np.ndarray, begins: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return when each rule is true, and since when each of its literals is.
+
+        That any member is beyond a bound is true until the last of those that are leaves, and again
+        from when the first other one arrives: each moves along a line, their maximum does not.
+
+        Args:
+            crossing: (members of all literals,) when each crosses the bound.
+            leaves: likewise, whether it makes the literal false then.
+            begins: where the members of each literal begin.
+        """
+        table = self._table
+        until = np.fmax.reduceat(np.where(leaves, crossing, -np.inf), begins).take(table.places)
+        since = np.fmin.reduceat(np.where(leaves, np.inf, crossing), begins).take(table.places)
+        times = np.zeros(len(table.starts))
+        # Each literal that is false moves the time on to where it is true; for ever, if never.
+        for _ in range(self._moves):
+            now = times.take(self._rule)
+            now = np.where(now < until, now, np.maximum(now, since))
+            times = np.maximum.reduceat(now, table.starts)
+        return np.where(times < np.inf, times, np.inf), since
+
+    def _arriving(self, literal: int, begins: np.ndarray) -> int:
+        """Return the feature that makes a literal true first, of those that are going to."""
+        members = self._table.literals[literal].members
+        if self._begins is None:
+            return members[0]
+        start = self._begins[literal]
+        own = begins[start : start + len(members)]
+        return members[int(np.where(own >= 0.0, own, np.inf).argmin())]
 
 
 class _Window:

@@ -47,8 +47,8 @@ class RuleSet:
 
     Raises:
         ConfigurationError: a duplicate id, an invalid demonstrated range, a literal on a feature
-            that does not exist, or an enabled rule that can never be true, which is a mistake in a
-            safety rule.
+            or family that does not exist, or an enabled rule that can never be true, which is a
+            mistake in a safety rule.
 
     Example:
         >>> space = occ.FeatureSpace((occ.Feature('speed', 'm/s'),))
@@ -80,16 +80,33 @@ class RuleSet:
                 )
         for rule in self.rules:
             for literal in rule.literals:
-                if not 0 <= literal.feature < len(self.space):
-                    raise ConfigurationError(
-                        f'rule {rule.id!r} speaks of feature {literal.feature}; allowed are 0 to '
-                        f'{len(self.space) - 1}'
-                    )
+                self._check_subject(rule, literal)
             if rule.enabled and rule.is_contradictory:
                 raise ConfigurationError(
                     f'rule {rule.id!r} can never be true: {rule.formula(self.space)}; allowed '
                     'are literals that hold together, or the rule disabled'
                 )
+
+    def _check_subject(self, rule: Rule, literal: Literal) -> None:
+        space, families = self.space, self.space.families
+        if not isinstance(literal.feature, tuple):
+            if not 0 <= literal.feature < len(space):
+                raise ConfigurationError(
+                    f'rule {rule.id!r} speaks of feature {literal.feature}; allowed are 0 to '
+                    f'{len(space) - 1}'
+                )
+        elif literal.feature not in families:
+            allowed = 'all members of one family of features: ' + ', '.join(map(str, families))
+            raise ConfigurationError(
+                f'rule {rule.id!r} speaks of any of the features {literal.feature}; allowed are '
+                + (allowed if families else 'single features, as there is no family of several')
+            )
+        elif literal.name(space) in space.names:
+            name = literal.name(space)
+            raise ConfigurationError(
+                f'rule {rule.id!r} speaks of {name}, a family, but a feature has the name {name!r} '
+                'too; allowed is another name for one of them'
+            )
 
     def __getstate__(self) -> dict[str, Any]:
         # Pickles and copies derive the rest again.
@@ -97,9 +114,16 @@ class RuleSet:
 
     @cached_property
     def scale(self) -> np.ndarray:
-        """(k,) the range of each feature in the demonstrations, 1 where it was constant."""
+        """(k,) the range of each feature in the demonstrations, 1 where it was constant.
+
+        Members of a family have the range of them all, so that it does not depend on the member
+        how far a value is from a bound that they share.
+        """
+        low, high = np.array(self.demonstrated, dtype=np.float64).T
+        for members in map(list, self.space.families):
+            low[members], high[members] = low[members].min(), high[members].max()
         with np.errstate(over='ignore'):
-            extent = self.demonstrated[:, 1] - self.demonstrated[:, 0]
+            extent = high - low
         return np.where((extent > 0) & np.isfinite(extent), extent, 1.0)
 
     @cached_property
@@ -165,8 +189,9 @@ class RuleSet:
 
         The margin is the robustness of the formula in the maximum norm: for each rule the
         largest of its literals' distances from becoming true, over all rules the smallest. On a
-        safe sample that is exactly the distance to the nearest violation; on a violation its
-        absolute value is a lower bound of the distance back to safety.
+        safe sample that is exactly the distance to the nearest violation (at most that, if a rule
+        speaks of a family and of one of its members); on a violation its absolute value is a lower
+        bound of the distance back to safety.
 
         Args:
             values: (n, k) numbers in the units of the feature space.
@@ -348,14 +373,14 @@ class RuleCounts:
 def rule_ids(space: FeatureSpace, literal_sets: Iterable[tuple[Literal, ...]]) -> list[str]:
     """Return an id for each conjunction that does not depend on its bounds.
 
-    The id is a digest of the features and operators only, so re-learning from similar
+    The id is a digest of the features, families and operators only, so re-learning from similar
     demonstrations gives the same rule the same id; conjunctions alike but for their bounds are
     numbered in order.
     """
     seen: dict[str, int] = {}
     ids = []
     for literals in literal_sets:
-        shape = ' and '.join(f'{space.names[item.feature]} {item.operator}' for item in literals)
+        shape = ' and '.join(f'{item.name(space)} {item.operator}' for item in literals)
         base = 'R' + hashlib.sha256(shape.encode()).hexdigest()[:5]
         seen[base] = seen.get(base, 0) + 1
         ids.append(base if seen[base] == 1 else f'{base}-{seen[base]}')

@@ -22,7 +22,8 @@ class Feature:
         low: smallest physically possible value; a smaller input is UNKNOWN, not a violation.
         high: largest physically possible value.
         family: features of one family measure the same quantity in different places or directions,
-            like the sectors of a lidar, and get the same bounds. Empty for none.
+            like the sectors of a lidar. They get the same bounds, and a literal may be about any
+            of them. Empty for none.
 
     Example:
         >>> occ.Feature('clearance', 'm', low=0.0)

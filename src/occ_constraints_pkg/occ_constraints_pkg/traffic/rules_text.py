@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from occ_constraints_pkg.rules.rule import Rule
+from occ_constraints_pkg.rules.rule import Rule, Subject
 from occ_constraints_pkg.rules.space import FeatureSpace
 from occ_constraints_pkg.terminal import printable
 
@@ -28,15 +28,17 @@ def in_traffic(rule: Rule, space: FeatureSpace) -> str:
     Speeds are told in km/h too, gaps and edges by whom and what they are to. Features that are not
     of the map ``highway`` are told as :meth:`Rule.words` does.
     """
-    bounds: dict[int, list[float | None]] = {}
+    bounds: dict[Subject, list[float | None]] = {}
+    names = {}
     for literal in rule.tightest_literals:
-        pair = bounds.setdefault(literal.feature, [None, None])
+        pair = bounds.setdefault(literal.subject, [None, None])
         pair[literal.is_upper] = literal.bound
+        names[literal.subject] = literal.name(space)
     phrases = []
-    for feature, (low, high) in bounds.items():
-        tell = _TELLERS.get(space.names[feature])
+    for subject, (low, high) in bounds.items():
+        tell = _TELLERS.get(names[subject])
         if tell is None:
-            only = tuple(item for item in rule.literals if item.feature == feature)
+            only = tuple(item for item in rule.literals if item.subject == subject)
             phrases.append(Rule(rule.id, only).words(space))
         else:
             phrases.append(tell(low, high))
@@ -53,7 +55,7 @@ def rule_rows(rules: Iterable[Rule], space: FeatureSpace) -> list[dict[str, str]
         {
             'words': rule.words(space),
             'formula': ' ∧ '.join(
-                f'{space.names[item.feature]} {item.operator} {item.bound:.4g}'
+                f'{item.name(space)} {item.operator} {item.bound:.4g}'
                 for item in rule.tightest_literals
             ),
             'traffic': in_traffic(rule, space),

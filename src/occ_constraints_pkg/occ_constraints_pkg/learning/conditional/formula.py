@@ -4,9 +4,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from occ_constraints_pkg.learning.conditional.rules import (
     Feature,
     LearnedRules,
 )
+from occ_constraints_pkg.learning.conditional.rules import Literal as LearnedLiteral
 from occ_constraints_pkg.learning.conditional.settings import ConditionalSettings
 from occ_constraints_pkg.learning.extraction import extract_rules
 from occ_constraints_pkg.learning.settings import OCTreeSettings
@@ -36,8 +36,7 @@ class ConditionalFormula:
     Attributes:
         tree: the tree of the box, with its bounds where they were moved to.
         formula: the rules, simplified.
-        origins: by the id of a rule the conditional rule that it stands for. A rule about a family
-            stands for a part of it, that of one member.
+        origins: by the id of a rule the conditional rule that it stands for.
     """
 
     tree: Node
@@ -122,9 +121,8 @@ def as_rules(
     conjunctions = [rule.literals for rule in extract_rules(Node(), space, box).rules]
     origins: list[ConditionalRule | None] = [None] * len(conjunctions)
     for rule in learned.rules:
-        for literals in _expanded(rule):
-            conjunctions.append(literals)
-            origins.append(rule)
+        conjunctions.append(tuple(map(_literal, rule.literals)))
+        origins.append(rule)
     ids = rule_ids(space, conjunctions)
     rules = tuple(Rule(name, item) for name, item in zip(ids, conjunctions, strict=True))
     whole = RuleSet(space, rules, demonstrated)
@@ -153,14 +151,10 @@ def _moved(tree: Node, box: np.ndarray, values: np.ndarray) -> Node:
     return tree
 
 
-def _expanded(rule: ConditionalRule) -> Iterator[tuple[Literal, ...]]:
-    """Yield the conjunctions that are together true where a rule is: one per member of a family."""
-    return product(
-        *(
-            [Literal(column, literal.operator, literal.bound) for column in literal.columns]
-            for literal in rule.literals
-        )
-    )
+def _literal(learned: LearnedLiteral) -> Literal:
+    """Return a literal as rules have it."""
+    subject = learned.columns if learned.family else learned.columns[0]
+    return Literal(subject, learned.operator, learned.bound)
 
 
 def _origins(

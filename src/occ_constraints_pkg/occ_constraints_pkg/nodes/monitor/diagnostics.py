@@ -184,21 +184,24 @@ def _robot_statuses(
         return [status(_VERDICT_NAME, _LEVELS[verdict], text, summary, robot)]
     margins = rule_set.rule_margins(sample)
     violated = rule_set.violated_rules(sample)
-    words = '; '.join(rule_set.rules[index].words(rule_set.space) for index in violated)
+    words = '; '.join(rule_set.rules[index].words(rule_set.space, sample) for index in violated)
     text = f'{verdict.name}: {words}'
     statuses = [status(_VERDICT_NAME, _LEVELS[verdict], text, summary, robot)]
     for index in violated:
         rule = rule_set.rules[index]
-        features = dict.fromkeys(literal.feature for literal in rule.literals)
         details = {
             'id': rule.id,
             'text': rule.words(rule_set.space),
             'formula': rule.formula(rule_set.space),
             'margin': float(margins[index]),
-            **{rule_set.space.names[feature]: float(sample[feature]) for feature in features},
+            **{
+                rule_set.space.names[feature]: float(sample[feature])
+                for feature in rule.fired(sample)
+            },
         }
         name = f'{_RULE_NAME}{rule.id}'
-        statuses.append(status(name, DiagnosticStatus.ERROR, details['text'], details, robot))
+        told = rule.words(rule_set.space, sample)
+        statuses.append(status(name, DiagnosticStatus.ERROR, told, details, robot))
     return statuses
 
 

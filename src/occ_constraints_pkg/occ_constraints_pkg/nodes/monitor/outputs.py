@@ -140,11 +140,11 @@ class Outputs:
         rule_set, sample = answer.rule_set, answer.rows.values[0]
         violated = [rule_set.rules[index] for index in rule_set.violated_rules(sample)]
         fired = {
-            rule_set.space.names[literal.feature]: float(sample[literal.feature])
+            rule_set.space.names[feature]: float(sample[feature])
             for rule in violated
-            for literal in rule.literals
+            for feature in rule.fired(sample)
         }
-        words = '\n'.join(rule.words(rule_set.space) for rule in violated)
+        words = '\n'.join(rule.words(rule_set.space, sample) for rule in violated)
         outlines = sector_markers(sectors, fired)
         self._markers.publish(verdict_markers(state, words, answer.rows.stamp_ns, outlines))
 

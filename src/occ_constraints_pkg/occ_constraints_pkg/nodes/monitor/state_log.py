@@ -111,8 +111,7 @@ def _violated(rule_set: RuleSet, sample: np.ndarray, index: int) -> str:
     """Return which rule is violated, by which values, and how many others are."""
     rule, space = rule_set.rules[index], rule_set.space
     values = ', '.join(
-        f'{space.names[feature]} = {sample[feature]:.4g}'
-        for feature in dict.fromkeys(literal.feature for literal in rule.literals)
+        f'{space.names[feature]} = {sample[feature]:.4g}' for feature in rule.deciding(sample)
     )
     others = len(rule_set.violated_rules(sample)) - 1
     return f'{rule.id}: {rule.words(space)} ({values})' + (

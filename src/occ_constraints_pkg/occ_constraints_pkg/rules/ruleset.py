@@ -189,7 +189,7 @@ class RuleSet:
             )
         else:
             known, margin = self._columns.margins(rows)
-        verdict = np.where(known, Verdict.SAFE, Verdict.UNKNOWN).astype(np.int8)
+        verdict = np.where(known, _SAFE, _UNKNOWN).astype(np.int8)
         rule = np.full(len(rows), -1, dtype=np.int64)
         margin[~known] = np.nan
         # The sign of a distance is that of its comparison; at 0, strictness decides.

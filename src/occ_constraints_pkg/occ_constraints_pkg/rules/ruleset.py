@@ -27,7 +27,7 @@ from occ_constraints_pkg.rules.verdict import Judgement, Verdict
 # Samples per block: keeps the (literals, samples) intermediates in the cache.
 _BLOCK = 1024
 # Up to this many literals times samples, one table of all is faster than columns.
-_FEW_LITERALS = 5000
+_FEW_LITERALS = 10_000
 # Up to this many literals, the margin of one sample is faster without NumPy.
 _FEW_IN_PYTHON = 250
 # NumPy compares with a plain number much faster than with an enum member.

@@ -168,7 +168,7 @@ def test_a_time_may_be_so_long_that_it_means_never(nodes, observer):
     nodes.start('monitor', timeout=1e200, max_lead=1e200, warning_horizon=1e200)
     nodes.start('gate', command_timeout=1e200, timeout=1e200)
     names = {'sim', 'recorder', 'monitor', 'gate'}
-    observer.spin_until(lambda: set(observer.node.get_node_names()) >= names, 40.0)
+    observer.spin_until(lambda: set(observer.node.get_node_names()) >= names)
 
 
 def test_parameters_for_any_node_may_be_those_of_others(node):
@@ -184,7 +184,7 @@ def test_parameters_for_any_node_may_be_those_of_others(node):
 def test_quality_of_service_of_topics_that_a_map_names_can_be_overridden(nodes, observer):
     qos = 'qos_overrides./scan.subscription'
     nodes.start('monitor', **{f'{qos}.depth': 2, f'{qos}.reliability': 'RELIABLE'})
-    observer.spin_until(lambda: 'monitor' in observer.node.get_node_names(), 30.0)
+    observer.spin_until(lambda: 'monitor' in observer.node.get_node_names())
 
 
 ENVIRONMENTS = {

@@ -214,20 +214,22 @@ def test_other_clocks_simulations_and_recordings_are_not_late(robot, stamp):
 def test_a_monitor_that_was_stopped_does_not_pass_what_waited_for_it(nodes, robot):
     from occ_constraints_pkg.ros.messages import to_time
 
-    assert robot.send(time.time_ns()) == 'SAFE'
+    # The shortest of several ways is what others are compared with.
+    assert set(drive(robot, 0.5, lambda now: now)) == {'SAFE'}
     (monitor,) = nodes.started
-    # Some or all may be lost, for that is a best-effort subscription.
-    for _ in range(5):
+    # Some or all may be lost, for that is a best-effort subscription, and more so when the monitor
+    # stands still for a second, after which the middleware gives it up for a while.
+    for _ in range(20):
         monitor.send_signal(signal.SIGSTOP)
-        robot.observer.spin(0.3)
         heard = len(robot.verdicts)
         for step in range(5):
             message = robot.new()
-            message.header.stamp = to_time(time.time_ns() + step)
+            # Not too old yet.
+            message.header.stamp = to_time(time.time_ns() - 45 * SECOND // 100 + step)
             robot.odom.publish(message)
-        robot.observer.spin(2.0)
+        robot.observer.spin(0.8)
         monitor.send_signal(signal.SIGCONT)
-        robot.observer.spin(3.0, lambda least=heard: len(robot.verdicts) > least)
+        robot.observer.spin(2.0, lambda least=heard: len(robot.verdicts) > least)
         if len(robot.verdicts) > heard:
             break
     robot.observer.spin(0.5)

@@ -111,14 +111,20 @@ def header(shape, dtype='<f4'):
 
 _READ = """
 import resource, sys
-from occ_constraints_pkg.agents.policy import GaussianPolicy
-from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian
-from occ_constraints_pkg.datasets.table_files import read_tables
 from occ_constraints_pkg.errors import OccError
-read = {'policy': GaussianPolicy.load, 'checkpoint': PPOLagrangian.load}.get(sys.argv[1])
+kind, path = sys.argv[1:]
+if kind == 'policy':
+    from occ_constraints_pkg.agents.policy import GaussianPolicy
+    read = GaussianPolicy.load
+elif kind == 'checkpoint':
+    from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian
+    read = PPOLagrangian.load
+else:
+    from occ_constraints_pkg.datasets.table_files import read_tables
+    read = lambda path: read_tables([path])
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 try:
-    (read or (lambda path: read_tables([path])))(sys.argv[2])
+    read(path)
     print('read')
 except OccError as error:
     print(error)

@@ -458,7 +458,7 @@ class RuleTable:
     def _even(self) -> np.ndarray | None:
         """(longest, rules) ``members``, those of shorter rules repeated; None if far more."""
         lengths = np.diff(self.starts, append=len(self.members))
-        place = np.arange(lengths.max(initial=0))[:, None]
+        place = np.arange(lengths.max(initial=1))[:, None]
         if place.size * lengths.size > _MOST_REPEATED * self.members.size:
             return None
         return self.members[self.starts + np.minimum(place, lengths - 1)]

@@ -5,6 +5,8 @@
 
 SHELL := /bin/bash
 PYTHON := .venv/bin/python
+# A worker that has nothing left to do takes tests over from another one.
+SEVERAL := --numprocesses auto --dist worksteal
 
 .DEFAULT_GOAL := help
 .PHONY: help setup demo test test-numpy1 lint format bench colcon clean
@@ -19,12 +21,15 @@ setup:  ## make .venv with everything in it (a second time: nothing to do)
 demo: setup  ## record, learn, monitor and train with real nodes, in under 5 minutes
 	@.venv/bin/occ demo
 
-test: setup  ## run all tests but the slow ones
-	@$(PYTHON) -m pytest
+# The workers share the cores, so each uses one thread.
+test test-numpy1: export OMP_NUM_THREADS := 1
+
+test: setup  ## run all tests but the slow ones, several at a time
+	@$(PYTHON) -m pytest $(SEVERAL)
 
 test-numpy1:  ## the same with NumPy 1.26, which ROS 2 Jazzy ships, in .venv-numpy1
 	@scripts/setup.sh --venv .venv-numpy1 --pins requirements/pins-numpy1.txt
-	@.venv-numpy1/bin/python -m pytest
+	@.venv-numpy1/bin/python -m pytest $(SEVERAL)
 
 lint: setup  ## check Python (style and types), shell, Docker and YAML files
 	@scripts/lint.sh

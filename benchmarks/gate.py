@@ -247,14 +247,13 @@ def run(seconds: float = 300.0) -> dict[str, Any]:
     """
     seed = time.time_ns() % 2**32
     rng = np.random.default_rng(seed)
-    domain = private_domain()
-    # The middleware of this process reads it when it starts.
-    os.environ.update(environment(domain))
     context = Context()
     count, commands, verdicts = 0, 0, 0
     breaches: list[str] = []
     done = dict.fromkeys(_ACTIONS, 0)
-    with tempfile.TemporaryDirectory() as directory:
+    with private_domain() as domain, tempfile.TemporaryDirectory() as directory:
+        # The middleware of this process reads it when it starts.
+        os.environ.update(environment(domain))
         folder = Path(directory)
         _constraints().save(folder / 'rules.yaml')
         context.init(domain_id=domain)

@@ -94,7 +94,7 @@ def _train_over_topics(
         },
         'sim': {'world': _WORLD, 'num_robots': _ROBOTS, 'seed': seed, 'wait_for_subscribers': 2},
     }
-    with nodes_running(nodes, directory, private_domain()) as running:
+    with private_domain() as domain, nodes_running(nodes, directory, domain) as running:
         running['constrained_learner'].wait(seconds + _START_SECONDS, *running.values())
     log = output / 'metrics.jsonl'
     lines = log.read_text(encoding='utf-8').splitlines() if log.exists() else []

@@ -183,11 +183,10 @@ def _numbers(monitor: _Target, relay: _Target) -> dict[str, dict[str, float]]:
 @contextmanager
 def _targets(constraints: Constraints) -> Iterator[tuple[_Target, _Target]]:
     """Start both nodes and wait for them; end them when the block is left."""
-    domain = private_domain()
-    # The middleware of this process reads it when it starts.
-    os.environ.update(environment(domain))
     context, running, targets = Context(), [], []
-    with tempfile.TemporaryDirectory() as directory:
+    with private_domain() as domain, tempfile.TemporaryDirectory() as directory:
+        # The middleware of this process reads it when it starts.
+        os.environ.update(environment(domain))
         rules = Path(directory) / 'constraints.yaml'
         constraints.save(rules)
         context.init(domain_id=domain)

@@ -58,12 +58,12 @@ def run(seconds: float = 8.0) -> dict[str, Any]:
         seconds: the most that a recording takes from its first message on.
     """
     rng = np.random.default_rng(0)
-    domain = private_domain()
     endings: dict[signal.Signals, list[Ending]] = {signal.SIGKILL: [], signal.SIGINT: []}
-    for number in [signal.SIGKILL] * _KILLS + [signal.SIGINT] * _INTERRUPTS:
-        after = float(rng.uniform(0.1, 1.0)) * seconds
-        with tempfile.TemporaryDirectory() as folder:
-            endings[number].append(record(Path(folder), domain, number, after))
+    with private_domain() as domain:
+        for number in [signal.SIGKILL] * _KILLS + [signal.SIGINT] * _INTERRUPTS:
+            after = float(rng.uniform(0.1, 1.0)) * seconds
+            with tempfile.TemporaryDirectory() as folder:
+                endings[number].append(record(Path(folder), domain, number, after))
     killed, interrupted = endings[signal.SIGKILL], endings[signal.SIGINT]
     return {
         'metrics': {

@@ -10,19 +10,19 @@ from typing import Any
 
 import click
 from occ_constraints_pkg.cli.common import (
+    AT_LEAST_0,
+    AT_LEAST_1,
     JSON,
-    checked_cost_limit,
+    cost_limit_option,
     help_without_command,
     print_json,
     progress_bar,
     report,
     say_lines,
+    seed_option,
 )
 from occ_constraints_pkg.errors import import_needed
 from occ_constraints_pkg.stopping import stop_request
-
-_AT_LEAST_0, _AT_LEAST_1 = click.IntRange(min=0), click.IntRange(min=1)
-_SEED = click.option('--seed', default=0, type=_AT_LEAST_0, show_default=True)
 
 
 @click.group(invoke_without_command=True, context_settings={'help_option_names': ['-h', '--help']})
@@ -56,6 +56,28 @@ def _reads(name: str) -> Callable[..., Any]:
     )
 
 
+def _trains(steps: int) -> Callable[..., Any]:
+    """Add the options of trainings with learned rules, by default of so many steps each."""
+    options = (
+        cost_limit_option('demonstrations'),
+        click.option(
+            '--steps',
+            default=steps,
+            type=AT_LEAST_1,
+            show_default=True,
+            help='Robot steps per training.',
+        ),
+        click.option('--seeds', default=3, type=AT_LEAST_1, show_default=True, help='Trainings.'),
+    )
+
+    def add(command: Callable[..., Any]) -> Callable[..., Any]:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return add
+
+
 def _run(name: str, label: str, output: Path, as_json: bool, **given: Any) -> None:
     """Run an experiment and print what it found.
 
@@ -84,7 +106,7 @@ def _module(name: str) -> Any:
 @cli.command()
 @_reads('oneclass')
 @click.option('--splits', default=20, show_default=True, help='Random splits per line.')
-@_SEED
+@seed_option()
 @click.option('--set', 'names', multiple=True, help='Run only this data set; may be repeated.')
 @_writes()
 def article(**given: Any) -> None:
@@ -103,7 +125,7 @@ def article(**given: Any) -> None:
     '--samples', default=100_000, show_default=True, help='Most samples to learn from, per line.'
 )
 @click.option('--draws', default=5, show_default=True, help='Random draws per line.')
-@_SEED
+@seed_option()
 @click.option('--world', 'names', multiple=True, help='Run only this world; may be repeated.')
 @_writes()
 def truth(**given: Any) -> None:
@@ -127,7 +149,7 @@ def truth(**given: Any) -> None:
     '--episodes', default=400, type=click.IntRange(min=100), show_default=True, help='In all.'
 )
 @click.option('--draws', default=100, type=click.IntRange(min=2), show_default=True)
-@_SEED
+@seed_option()
 @_writes()
 def alarms(output: Path, as_json: bool, **given: Any) -> None:
     """Measure the false-alarm guarantee on fresh episodes.
@@ -149,16 +171,8 @@ def alarms(output: Path, as_json: bool, **given: Any) -> None:
     '--expert', default='expert', show_default=True, help='Policy file, or the name of a driver.'
 )
 @click.option('--demonstrations', default=50, show_default=True, help='Episodes of the expert.')
-@click.option('--cost-limit', default='demonstrations', show_default=True)
-@click.option(
-    '--steps',
-    default=4_000_000,
-    type=_AT_LEAST_1,
-    show_default=True,
-    help='Robot steps per training.',
-)
-@click.option('--first-seed', default=0, type=_AT_LEAST_0, show_default=True)
-@click.option('--seeds', default=3, type=_AT_LEAST_1, show_default=True, help='Trainings.')
+@_trains(4_000_000)
+@click.option('--first-seed', default=0, type=AT_LEAST_0, show_default=True)
 @_writes('transfer')
 def transfer(output: Path, as_json: bool, **given: Any) -> None:
     """Train with rules learned from an expert, and compare.
@@ -188,9 +202,6 @@ def transfer(output: Path, as_json: bool, **given: Any) -> None:
 )
 @click.option('--rules', type=click.Path(), help='Constraints file; default: learn from traffic.')
 @click.option(
-    '--cost-limit', default='demonstrations', show_default=True, callback=checked_cost_limit
-)
-@click.option(
     '--lasting/--plain',
     default=True,
     show_default=True,
@@ -203,14 +214,7 @@ def transfer(output: Path, as_json: bool, **given: Any) -> None:
     type=click.Choice(['RL', 'RL with engineered reward', 'ours']),
     help='Only this agent; may be repeated.',
 )
-@click.option(
-    '--steps',
-    default=600_000,
-    type=_AT_LEAST_1,
-    show_default=True,
-    help='Robot steps per training.',
-)
-@click.option('--seeds', default=3, type=_AT_LEAST_1, show_default=True)
+@_trains(600_000)
 @_writes('highway')
 def highway(output: Path, as_json: bool, **given: Any) -> None:
     """Train on a highway with and without rules of its traffic.
@@ -290,7 +294,7 @@ def debouncing(**given: Any) -> None:
 
 @cli.command()
 @_reads('driving')
-@click.option('--seeds', default=10, type=_AT_LEAST_1, show_default=True)
+@click.option('--seeds', default=10, type=AT_LEAST_1, show_default=True)
 @_writes()
 def ngsim(**given: Any) -> None:
     """Learn from real drivers on highways and judge others.
@@ -316,13 +320,13 @@ def ngsim(**given: Any) -> None:
     '--seed',
     'seeds',
     multiple=True,
-    type=_AT_LEAST_0,
+    type=AT_LEAST_0,
     default=(1, 2, 3, 4, 5),
     show_default=True,
     help='May be repeated.',
 )
 @click.option('--method', 'methods', multiple=True, help='Only this learner; may be repeated.')
-@click.option('--processes', default=1, type=_AT_LEAST_1, show_default=True)
+@click.option('--processes', default=1, type=AT_LEAST_1, show_default=True)
 @_writes()
 def planted(**given: Any) -> None:
     """Measure how well known conditional rules are found.

@@ -49,7 +49,7 @@ class TransferSettings:
     target: str = 'PointGoal1'
     expert: str = 'expert'
     demonstrations: int = 50
-    cost_limit: str = 'demonstrations'
+    cost_limit: float | str = 'demonstrations'
     steps: int = 4_000_000
     robots: int = 64
     first_seed: int = 0
@@ -89,7 +89,7 @@ def run_transfer(
             settings.source, settings.expert, settings.demonstrations, explore=True
         ).save(rules)
     constraints = load_constraints(rules)
-    arguments = [settings.target, '--cost', str(rules), '--cost-limit', settings.cost_limit]
+    arguments = [settings.target, '--cost', str(rules), '--cost-limit', str(settings.cost_limit)]
     arguments += ['--steps', str(settings.steps), '--robots', str(settings.robots), '--resume']
     seeds = range(settings.first_seed, settings.first_seed + settings.seeds)
     directories = train_seeds(

@@ -29,12 +29,12 @@ def main() -> None:
         if (target / name / 'metadata.yaml').exists():
             print(f'{target / name} is there already')
             continue
-        with tempfile.TemporaryDirectory() as directory:
+        with tempfile.TemporaryDirectory() as directory, private_domain() as domain:
             recorded = Path(directory) / name
             record_episodes(
                 recorded,
                 Path(directory) / 'logs',
-                private_domain(),
+                domain,
                 world=world,
                 driver=driver,
                 robots=robots,

@@ -9,12 +9,21 @@ import pytest
 from hypothesis import settings
 from occ_constraints_pkg.cli import main
 
+from benchmarks.conditions import machine
+
 # Fixtures of recordings and messages.
 pytest_plugins = ['recordings']
 
 # How long one example takes depends on what else the machine does.
 settings.register_profile('any machine', deadline=None)
 settings.load_profile('any machine')
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers() -> int:
+    """Return two workers for each core: tests of nodes spend most of their time waiting."""
+    # Each needs some 600 MB.
+    return min(2 * machine()['cores'], 16)
 
 
 def pytest_report_header() -> str:

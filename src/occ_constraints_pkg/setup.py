@@ -65,6 +65,7 @@ setup(
         'dev': [
             'pytest>=8',
             'pytest-timeout>=2.3',
+            'pytest-xdist>=3.6',
             'hypothesis>=6.100',
             'scikit-learn>=1.6',
             'pandas>=2.1',

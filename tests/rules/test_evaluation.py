@@ -130,6 +130,16 @@ def test_conditions_nested_deeper_than_is_factored():
     assert_all_ways_agree(rule_set, rows)
 
 
+def test_rules_of_very_unequal_lengths():
+    space = FeatureSpace(tuple(Feature(f'x{index}') for index in range(100)))
+    long = Rule('long', tuple(Literal(index, '>=', 0.0) for index in range(100)))
+    short = tuple(Rule(f'R{index}', (Literal(index, '<', -2.0),)) for index in range(60))
+    rule_set = RuleSet(space, (long, *short), np.tile([0.0, 2.0], (100, 1)))
+    rows = np.random.default_rng(0).normal(size=(40, 100))
+    rows[::3] = np.abs(rows[::3])
+    assert_all_ways_agree(rule_set, rows)
+
+
 def test_common_conditions_are_factored_out_and_implied_rules_dropped():
     a, b, c, d = (Literal(index, '>', 1.0) for index in range(4))
     wide = Literal(3, '>', 0.5)

@@ -2,21 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Nodes as real processes, each test in a ROS domain of its own, on this machine only."""
 
-import itertools
-import os
 import signal
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
 import pytest
-from occ_constraints_pkg.demo.processes import NodeProcess
+from occ_constraints_pkg.demo.processes import NodeProcess, private_domain
 from occ_constraints_pkg.features.feature_map import load_feature_map
 from occ_constraints_pkg.rules import Literal, Rule, RuleSet
 from occ_constraints_pkg.rules.constraints_file import Constraints
 from synthetic_bags import write_drive
-
-# Domains above 101 use ports that Linux also hands out by itself.
-_DOMAINS = (1 + number % 101 for number in itertools.count(os.getpid()))
 
 
 class Nodes:
@@ -58,15 +54,15 @@ def _ros() -> None:
 @pytest.fixture(scope='module')
 def make_nodes(tmp_path_factory):
     """Return a function that returns :class:`Nodes` with a new folder and domain."""
-    made = []
+    with ExitStack() as stack:
 
-    def make() -> Nodes:
-        made.append(Nodes(tmp_path_factory.mktemp('nodes'), next(_DOMAINS)))
-        return made[-1]
+        def make() -> Nodes:
+            domain = stack.enter_context(private_domain())
+            nodes = Nodes(tmp_path_factory.mktemp('nodes'), domain)
+            stack.callback(nodes.kill)
+            return nodes
 
-    yield make
-    for nodes in made:
-        nodes.kill()
+        yield make
 
 
 @pytest.fixture
@@ -80,9 +76,9 @@ def nodes(make_nodes):
 @pytest.fixture
 def observer(nodes):
     """Return a listener in this process."""
-    from occ_constraints_pkg.demo.observer import Observer
+    from listener import Listener
 
-    with Observer(nodes.domain) as observer:
+    with Listener(nodes.domain) as observer:
         yield observer
 
 

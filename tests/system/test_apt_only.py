@@ -134,8 +134,8 @@ def test_monitor_and_gate_work_without_anything_else(modules_folder, nodes, obse
         observer.spin(0.1)
         return speeds[-1] if speeds else None
 
-    observer.spin_until(lambda: speed_at(0.8, 0.2) == 1.0, 20.0)
-    observer.spin_until(lambda: speed_at(0.2, 0.8) == 0.0, 20.0)
+    observer.spin_until(lambda: speed_at(0.8, 0.2) == 1.0)
+    observer.spin_until(lambda: speed_at(0.2, 0.8) == 0.0)
     assert observer.call(Trigger, 'monitor/prune').success
     nodes.stop(gate, monitor)
     assert counts.is_file()

@@ -59,16 +59,14 @@ class Robot:
         message.twist.twist.linear.x = speed
         verdicts, costs = len(self.verdicts), len(self.cost)
         self.odom.publish(message)
-        self.observer.spin_until(
-            lambda: len(self.verdicts) > verdicts and len(self.cost) > costs, 10.0
-        )
+        self.observer.spin_until(lambda: len(self.verdicts) > verdicts and len(self.cost) > costs)
         said = self.verdicts[-1].status[0].message
         assert self.cost[-1].data == (0.0 if said == 'SAFE' else 1.0)
         return said
 
     def until_heard(self):
         self.observer.wait_for_monitor(2)
-        self.observer.spin_until(lambda: self.odom.get_subscription_count() == 1, 20.0)
+        self.observer.spin_until(lambda: self.odom.get_subscription_count() == 1)
 
 
 def test_stamps_from_the_future_or_the_past_are_unknown_until_time_goes_on(nodes, observer):
@@ -103,7 +101,7 @@ def test_a_clock_that_is_missing_paused_or_set_back_is_unknown(nodes, observer):
     clock = observer.node.create_publisher(Clock, '/clock', STEPS)
     robot.until_heard()
     assert robot.send(SECOND) == 'UNKNOWN: use_sim_time is set, and nothing has come on /clock'
-    observer.spin_until(lambda: clock.get_subscription_count() == 1, 20.0)
+    observer.spin_until(lambda: clock.get_subscription_count() == 1)
 
     def ticks_until(wanted, first_ns):
         """Let time go on in both until the monitor says it; return what time it is then."""
@@ -114,14 +112,14 @@ def test_a_clock_that_is_missing_paused_or_set_back_is_unknown(nodes, observer):
             clock.publish(Clock(clock=to_time(now)))
             return robot.send(now) == wanted
 
-        observer.spin_until(said, 20.0)
+        observer.spin_until(said)
         return next(steps)
 
     now = ticks_until('SAFE', 20 * SECOND)
     # Inputs go on, the clock does not. That their stamps differ makes them new ones.
     stamps = iter(range(now, now + SECOND))
     observer.spin_until(
-        lambda: robot.send(next(stamps)) == 'UNKNOWN: /clock has stood still for 0.5 s', 10.0
+        lambda: robot.send(next(stamps)) == 'UNKNOWN: /clock has stood still for 0.5 s'
     )
     ticks_until('SAFE', now + SECOND // 4)
     clock.publish(Clock(clock=to_time(10 * SECOND)))
@@ -149,7 +147,7 @@ def test_a_table_that_is_published_best_effort_is_unknown_and_named(nodes, obser
             'qos_overrides./observation.subscription.reliability'
         )
 
-    observer.spin_until(told, 20.0)
+    observer.spin_until(told)
     assert all(message.status[0].message.startswith('UNKNOWN') for message in heard)
 
 
@@ -216,20 +214,22 @@ def test_other_clocks_simulations_and_recordings_are_not_late(robot, stamp):
 def test_a_monitor_that_was_stopped_does_not_pass_what_waited_for_it(nodes, robot):
     from occ_constraints_pkg.ros.messages import to_time
 
-    assert robot.send(time.time_ns()) == 'SAFE'
+    # The shortest of several ways is what others are compared with.
+    assert set(drive(robot, 0.5, lambda now: now)) == {'SAFE'}
     (monitor,) = nodes.started
-    # Some or all may be lost, for that is a best-effort subscription.
-    for _ in range(5):
+    # Some or all may be lost, for that is a best-effort subscription, and more so when the monitor
+    # stands still for a second, after which the middleware gives it up for a while.
+    for _ in range(20):
         monitor.send_signal(signal.SIGSTOP)
-        robot.observer.spin(0.3)
         heard = len(robot.verdicts)
         for step in range(5):
             message = robot.new()
-            message.header.stamp = to_time(time.time_ns() + step)
+            # Not too old yet.
+            message.header.stamp = to_time(time.time_ns() - 45 * SECOND // 100 + step)
             robot.odom.publish(message)
-        robot.observer.spin(2.0)
+        robot.observer.spin(0.8)
         monitor.send_signal(signal.SIGCONT)
-        robot.observer.spin(3.0, lambda least=heard: len(robot.verdicts) > least)
+        robot.observer.spin(2.0, lambda least=heard: len(robot.verdicts) > least)
         if len(robot.verdicts) > heard:
             break
     robot.observer.spin(0.5)
@@ -249,7 +249,7 @@ def test_a_simulation_behind_the_wall_clock_is_judged_by_its_own_clock(nodes, ob
     nodes.start('monitor', constraints_file=file, timeout=60.0, use_sim_time=True)
     clock = observer.node.create_publisher(Clock, '/clock', STEPS)
     robot.until_heard()
-    observer.spin_until(lambda: clock.get_subscription_count() == 1, 20.0)
+    observer.spin_until(lambda: clock.get_subscription_count() == 1)
     start = time.time_ns()
 
     def tick(now):
@@ -258,5 +258,5 @@ def test_a_simulation_behind_the_wall_clock_is_judged_by_its_own_clock(nodes, ob
         clock.publish(Clock(clock=to_time(simulated)))
         return simulated
 
-    observer.spin_until(lambda: robot.send(tick(time.time_ns())) == 'SAFE', 10.0)
+    observer.spin_until(lambda: robot.send(tick(time.time_ns())) == 'SAFE')
     assert set(drive(robot, 4.0, tick)) == {'SAFE'}

@@ -55,7 +55,7 @@ class Robot:
             self.observer.spin(0.1)
             return self.heard and self.heard[-1] == wanted
 
-        self.observer.spin_until(there, 20.0)
+        self.observer.spin_until(there)
 
     def stays_stopped(self, seconds):
         """Drive for a while, in which nothing but zero may come."""
@@ -79,7 +79,7 @@ def test_commands_pass_only_while_the_monitor_says_safe(nodes, observer, rules_o
     rules_of['simple_nav'].save(rules)
     gate = nodes.start('gate', stamped=stamped, slow_margin=0.0, timeout=1.0)
     robot = Robot(observer, kind_of(stamped))
-    observer.spin_until(lambda: robot.command.get_subscription_count() == 1, 20.0)
+    observer.spin_until(lambda: robot.command.get_subscription_count() == 1)
     # Without a monitor nothing passes.
     assert robot.stays_stopped(1.0)
     monitor = nodes.start('monitor', constraints_file=rules, timeout=0.5)
@@ -121,13 +121,13 @@ def test_speed_falls_near_the_boundary_and_zero_comes_without_commands(nodes, ob
         observer.spin(0.1)
         return robot.heard and 0.0 < robot.heard[-1][0] < 1.0
 
-    observer.spin_until(slowed, 20.0)
+    observer.spin_until(slowed)
     linear, angular = robot.heard[-1]
     # Margin (0.8 - 0.7) / 0.5 = 0.2 to the corner, a tenth of slow_margin.
     assert linear == pytest.approx(0.55, abs=1e-6)
     assert angular == pytest.approx(0.5 * linear)
     robot.heard.clear()
-    observer.spin_until(lambda: len(robot.heard) >= 5, 10.0)
+    observer.spin_until(lambda: len(robot.heard) >= 5)
     observer.spin(0.5)
     assert set(robot.heard[-5:]) == {(0.0, 0.0)}
 
@@ -206,7 +206,7 @@ class Verdicts:
     def stop(self):
         """Fall silent until the gate has stopped."""
         self.observer.spin_until(
-            lambda: self.step() or (len(self.heard) > 3 and not any(self.heard[-3:])), 10.0
+            lambda: self.step() or (len(self.heard) > 3 and not any(self.heard[-3:]))
         )
         self.observer.spin(0.6)
 
@@ -272,16 +272,13 @@ def test_a_flood_of_commands_keeps_no_verdict_away(nodes, observer):
     assert verdicts.is_open_within(20.0)
     flood = subprocess.Popen([sys.executable, '-c', FLOOD], env=environment(nodes.domain))
     try:
-        observer.spin_until(
-            lambda: verdicts.step(verdicts.message()) or len(verdicts.heard) > 2000, 60.0
-        )
+        observer.spin_until(lambda: verdicts.step(verdicts.message()) or len(verdicts.heard) > 2000)
         for letter, speed in (('V', 0.0), ('S', 1.0), ('U', 0.0)):
             verdicts.heard.clear()
             observer.spin_until(
                 lambda letter=letter, speed=speed: (
                     verdicts.step(verdicts.message(letter)) or verdicts.heard[-1:] == [speed]
                 ),
-                20.0,
             )
     finally:
         flood.kill()
@@ -307,7 +304,7 @@ def test_a_paused_gate_does_not_drive_on_what_it_heard_before(nodes, observer):
 def test_two_publishers_stop_it_whatever_they_say(nodes, observer):
     gate = nodes.start('gate')
     careful, careless = Verdicts(observer), Verdicts(observer)
-    observer.spin_until(lambda: careless.command.get_subscription_count() == 1, 20.0)
+    observer.spin_until(lambda: careless.command.get_subscription_count() == 1)
 
     def both(step):
         if step % 5 == 0:
@@ -375,15 +372,15 @@ def test_state_says_what_it_does_why_and_since_when(nodes, observer):
         )
 
     # Latched: it comes though nothing changes.
-    observer.spin_until(lambda: len(verdicts.states) > 0, 5.0)
+    observer.spin_until(lambda: len(verdicts.states) > 0)
     summary, source = newest()
     assert (summary['state'], float(summary['scale'])) == ('PASS', 1.0)
     assert abs(int(summary['since']) - opened) < 10**9
     verdicts.step(verdicts.message('V'))
-    observer.spin_until(lambda: newest()[0]['state'] == 'SLOW', 5.0)
+    observer.spin_until(lambda: newest()[0]['state'] == 'SLOW')
     assert newest()[0]['reason'] == 'VIOLATED (1 of 2): too fast'
     verdicts.step(verdicts.message('V'))
-    observer.spin_until(lambda: newest()[0]['reason'] == 'VIOLATED: too fast', 5.0)
+    observer.spin_until(lambda: newest()[0]['reason'] == 'VIOLATED: too fast')
     summary, source = newest()
     assert summary['state'] == 'STOP'
     assert (source['verdict'], source['rules'], source['publishers']) == ('VIOLATED', 'R7', '1')
@@ -402,7 +399,7 @@ def test_without_an_enabled_rule_nothing_is_safe(nodes, observer, rules_of):
     nodes.start('monitor', constraints_file=rules, disabled_rules=['R0', 'R1'])
     robot = Robot(observer, kind_of(False))
     log = 'STOP: UNKNOWN: no rule is enabled'
-    observer.spin_until(lambda: robot.drive() or log in gate.log.read_text(), 20.0)
+    observer.spin_until(lambda: robot.drive() or log in gate.log.read_text())
     assert robot.stays_stopped(1.0)
 
 

@@ -55,7 +55,7 @@ def test_odd_types_are_skipped_and_the_rest_plays(nodes, observer):
         text=True,
     )
     try:
-        observer.spin_until(lambda: player.poll() is not None, 40.0)
+        observer.spin_until(lambda: player.poll() is not None)
         said = player.stdout.read()
     finally:
         player.kill()

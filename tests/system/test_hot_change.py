@@ -67,8 +67,8 @@ def test_every_verdict_is_that_of_the_rule_set_it_names(nodes, observer, rules_o
     flood = Flood(observer)
     nodes.start('monitor', constraints_file=file, timeout=100.0)
     observer.wait_for_monitor(2)
-    observer.spin_until(lambda: flood.rules and flood.client.service_is_ready(), 10.0)
-    observer.spin_until(lambda: flood.observation.get_subscription_count() == 2, 10.0)
+    observer.spin_until(lambda: flood.rules and flood.client.service_is_ready())
+    observer.spin_until(lambda: flood.observation.get_subscription_count() == 2)
 
     # Without the second rule, with its bound moved, and with a rule set of its own.
     moved = good.with_rule_set(RuleEdits.parse([], [], ['R0: y > 0.5']).apply(good.rule_set))
@@ -93,9 +93,9 @@ def test_every_verdict_is_that_of_the_rule_set_it_names(nodes, observer, rules_o
         if number % 50 == 25:
             text = (moved, good)[number // 50 % 2].dumps()
             flood.constraints.publish(String(data=text))
-        observer.spin_until(lambda least=number - AT_ONCE: len(flood.costs) > least, 10.0)
-    observer.spin_until(lambda: len(flood.costs) == len(flood.verdicts) == SENT, 10.0)
-    observer.spin_until(lambda: all(answer.done() for answer in answers), 10.0)
+        observer.spin_until(lambda least=number - AT_ONCE: len(flood.costs) > least)
+    observer.spin_until(lambda: len(flood.costs) == len(flood.verdicts) == SENT)
+    observer.spin_until(lambda: all(answer.done() for answer in answers))
     assert all(answer.result().result.successful for answer in answers)
 
     assert [to_nanoseconds(message.header.stamp) for message in flood.costs] == stamps
@@ -131,21 +131,21 @@ def test_an_edit_that_cannot_be_made_changes_nothing(nodes, observer, rules_of):
     rules_of['simple_nav'].save(file)
     flood = Flood(observer)
     nodes.start('monitor', constraints_file=file, timeout=100.0, disabled_rules=['R1'])
-    observer.spin_until(lambda: flood.rules and flood.client.service_is_ready(), 20.0)
+    observer.spin_until(lambda: flood.rules and flood.client.service_is_ready())
     for lists, reason in (
         ({'disabled_rules': ['R7']}, "there is no rule 'R7'"),
         ({'disabled_rules': ['R0'], 'moved_bounds': ['R0 > 1']}, 'a moved bound is'),
         ({'disabled_rules': [], 'moved_bounds': ['R1: x <= -inf']}, 'a moved bound is'),
     ):
         answer = flood.set(**lists)
-        observer.spin_until_done(answer, 10.0)
+        observer.spin_until_done(answer)
         assert not answer.result().result.successful
         assert reason in answer.result().result.reason
     assert len(flood.rules) == 1
     answer = flood.set(disabled_rules=[])
-    observer.spin_until_done(answer, 10.0)
+    observer.spin_until_done(answer)
     assert answer.result().result.successful
-    observer.spin_until(lambda: len(flood.rules) == 2, 10.0)
+    observer.spin_until(lambda: len(flood.rules) == 2)
     told = [json.loads(message.data) for message in flood.rules]
     assert [[rule['enabled'] for rule in one['rules']] for one in told] == [
         [True, False],

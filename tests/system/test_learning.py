@@ -36,17 +36,17 @@ def test_a_monitor_that_starts_later_uses_the_rules_learned_from_a_bag(
     learner = nodes.start(
         'tree_learner', bags=str(small_bag), feature_map='simple_nav', output=rules
     )
-    observer.spin_until(lambda: 'rules learned' in learner.log.read_text(), 20.0)
+    observer.spin_until(lambda: 'rules learned' in learner.log.read_text())
     monitor = nodes.start('monitor', timeout=60.0)
     learned = load_constraints(rules)
     fingerprint = learned.rule_set.fingerprint
-    observer.spin_until(lambda: fingerprint in monitor.log.read_text(), 20.0)
+    observer.spin_until(lambda: fingerprint in monitor.log.read_text())
     # One more than the observer, which listens to observations as well.
-    observer.spin_until(lambda: drive.publisher.get_subscription_count() == 2, 10.0)
+    observer.spin_until(lambda: drive.publisher.get_subscription_count() == 2)
     observer.wait_for_monitor(1)
     rows = np.random.default_rng(0).random((200, 2))
     drive(rows)
-    observer.spin_until(lambda: len(observer.heard.costs) > 0, 10.0)
+    observer.spin_until(lambda: len(observer.heard.costs) > 0)
     cost = next(iter(observer.heard.costs.values())).column('cost')
     expected = learned.rule_set.judge(rows.astype(np.float32).astype(np.float64)).cost
     np.testing.assert_array_equal(cost, expected)
@@ -63,15 +63,15 @@ def test_learns_from_live_topics_when_asked(nodes, observer, drive, trigger):
     )
     answer = trigger('tree_learner/learn')
     assert (answer.success, answer.message) == (False, 'no sample has been received yet')
-    observer.spin_until(lambda: drive.publisher.get_subscription_count() == 2, 10.0)
+    observer.spin_until(lambda: drive.publisher.get_subscription_count() == 2)
     rows = np.random.default_rng(1).uniform(0.2, 0.6, (3, 40, 2)).astype(np.float32)
     for batch in rows:
         drive(batch)
-    observer.spin_until(lambda: len(observer.heard.true_cost) == 3, 10.0)
-    observer.spin_until(lambda: trigger('tree_learner/learn').success, 10.0)
+    observer.spin_until(lambda: len(observer.heard.true_cost) == 3)
+    observer.spin_until(lambda: trigger('tree_learner/learn').success)
     heard = []
     observer.node.create_subscription(String, 'constraints', heard.append, LATCHED)
-    observer.spin_until(lambda: heard, 10.0)
+    observer.spin_until(lambda: heard)
     constraints = parse_constraints(heard[0].data, 'heard')
     assert heard[0].data == rules.read_text()
     assert (

@@ -64,7 +64,7 @@ class Manager:
             self.drive()
             return self.verdicts and self.verdicts[-1].status[0].message == 'SAFE'
 
-        self.observer.spin_until(there, 20.0)
+        self.observer.spin_until(there)
 
 
 def test_a_monitor_is_led_through_its_states(nodes, observer, rules_of):
@@ -92,12 +92,12 @@ def test_a_monitor_is_led_through_its_states(nodes, observer, rules_of):
     refused = manager.set('constraints_file', missing)
     assert not refused.successful
     assert 'can only be set while the node is unconfigured; it is inactive' in refused.reason
-    observer.spin_until(lambda: len(manager.rules) == 1, 10.0)
+    observer.spin_until(lambda: len(manager.rules) == 1)
     told = json.loads(manager.rules[0].data)
     assert told['rule_set'] == good.rule_set.fingerprint
     assert [rule['id'] for rule in told['rules']] == [rule.id for rule in good.rule_set.rules]
     assert told['rules'][0]['text'] == 'y above 0.95'
-    observer.spin_until(lambda: manager.publisher.get_subscription_count() == 2, 10.0)
+    observer.spin_until(lambda: manager.publisher.get_subscription_count() == 2)
     manager.drive()
     assert manager.state() == 'inactive'
     assert manager.verdicts == []
@@ -127,7 +127,7 @@ def test_a_monitor_that_started_itself_says_why_a_later_step_fails(nodes, observ
     missing = str(nodes.folder / 'nowhere.yaml')
     process = nodes.start('monitor', constraints_file=str(nodes.folder / 'rules.yaml'))
     manager = Manager(observer)
-    observer.spin_until(lambda: manager.state() == 'active', 20.0)
+    observer.spin_until(lambda: manager.state() == 'active')
     assert not manager.change(number=1)
     assert manager.change('deactivate')
     assert manager.change('cleanup')

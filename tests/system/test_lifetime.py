@@ -42,7 +42,7 @@ def test_all_nodes_end_cleanly_while_they_wait_for_peers(
         assert all(process.is_running for process in nodes.started)
         return set(observer.node.get_node_names()) >= set(NODES)
 
-    observer.spin_until(all_there, 40.0)
+    observer.spin_until(all_there)
     nodes.stop(number=number)
     assert (nodes.folder / 'bag' / 'metadata.yaml').is_file()
 
@@ -107,7 +107,7 @@ except KeyboardInterrupt:
     )
     try:
         names = {'sim', 'policy'}
-        observer.spin_until(lambda: set(observer.node.get_node_names()) >= names, 30.0)
+        observer.spin_until(lambda: set(observer.node.get_node_names()) >= names)
         os.killpg(parent.pid, signal.SIGINT)
         _, errors = parent.communicate(timeout=15.0)
         assert parent.returncode == 0
@@ -129,11 +129,11 @@ with nodes_running({{'policy': {{}}}}, Path({str(tmp_path)!r}), {nodes.domain}) 
     parent = subprocess.Popen([sys.executable, '-c', code], stdout=subprocess.PIPE, text=True)
     pid = int(parent.stdout.readline())
     try:
-        observer.spin_until(lambda: 'policy' in observer.node.get_node_names(), 30.0)
+        observer.spin_until(lambda: 'policy' in observer.node.get_node_names())
         parent.kill()
         parent.wait()
         # Where its farewell gets lost, others forget it after 20 s.
-        observer.spin_until(lambda: 'policy' not in observer.node.get_node_names(), 40.0)
+        observer.spin_until(lambda: 'policy' not in observer.node.get_node_names())
     finally:
         parent.kill()
         if Path(f'/proc/{pid}').exists():

@@ -168,7 +168,7 @@ def test_a_time_may_be_so_long_that_it_means_never(nodes, observer):
     nodes.start('monitor', timeout=1e200, max_lead=1e200, warning_horizon=1e200)
     nodes.start('gate', command_timeout=1e200, timeout=1e200)
     names = {'sim', 'recorder', 'monitor', 'gate'}
-    observer.spin_until(lambda: set(observer.node.get_node_names()) >= names, 40.0)
+    observer.spin_until(lambda: set(observer.node.get_node_names()) >= names)
 
 
 def test_parameters_for_any_node_may_be_those_of_others(node):
@@ -184,7 +184,19 @@ def test_parameters_for_any_node_may_be_those_of_others(node):
 def test_quality_of_service_of_topics_that_a_map_names_can_be_overridden(nodes, observer):
     qos = 'qos_overrides./scan.subscription'
     nodes.start('monitor', **{f'{qos}.depth': 2, f'{qos}.reliability': 'RELIABLE'})
-    observer.spin_until(lambda: 'monitor' in observer.node.get_node_names(), 30.0)
+    observer.spin_until(lambda: 'monitor' in observer.node.get_node_names())
+
+
+def run(*arguments, **options):
+    """Return how a program ended that Python runs."""
+    return subprocess.run(
+        [sys.executable, *arguments],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+        **options,
+    )
 
 
 ENVIRONMENTS = {
@@ -204,14 +216,8 @@ ENVIRONMENTS = {
 def test_surroundings_in_which_no_node_can_run_are_told_in_one_sentence(name, setting):
     variable, _, value = setting.partition('=')
     more = faketime() if variable == 'FAKETIME' else {}
-    done = subprocess.run(
-        [sys.executable, '-m', 'occ_constraints_pkg', 'node', name],
-        env={**environment(1), **more, variable: value},
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=60,
-    )
+    command = ['-m', 'occ_constraints_pkg', 'node', name]
+    done = run(*command, env={**environment(1), **more, variable: value})
     assert (done.returncode, done.stdout) == (2, '')
     assert done.stderr.count('\n') == 1
     assert done.stderr.startswith('error: ')
@@ -223,15 +229,7 @@ def test_too_little_memory_is_told_in_one_sentence(name):
     def limit():
         resource.setrlimit(resource.RLIMIT_AS, (300_000_000, 300_000_000))
 
-    done = subprocess.run(
-        [sys.executable, SCRIPTS / name],
-        env=environment(1),
-        preexec_fn=limit,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=60,
-    )
+    done = run(SCRIPTS / name, env=environment(1), preexec_fn=limit)
     assert (done.returncode, done.stdout) == (2, '')
     assert done.stderr.count('\n') == 1
     assert 'limited to 286 MiB; a node needs at least 640 MiB' in done.stderr
@@ -277,14 +275,7 @@ def test_a_module_that_is_missing_is_named_with_what_to_install(module):
         f'import sys; sys.modules[{module!r}] = None; from occ_constraints_pkg.nodes import run; '
         "sys.exit(run('monitor'))"
     )
-    done = subprocess.run(
-        [sys.executable, '-c', code],
-        env=environment(1),
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=60,
-    )
+    done = run('-c', code, env=environment(1))
     assert done.returncode == 2, done.stderr
     assert done.stderr.count('\n') == 1
     assert MISSING[module] in done.stderr

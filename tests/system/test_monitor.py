@@ -41,8 +41,8 @@ class Robot:
         # The observer itself listens as well.
         self.until(lambda: self.publisher.get_subscription_count() >= 2)
 
-    def until(self, condition, seconds=10.0):
-        self.observer.spin_until(condition, seconds)
+    def until(self, condition):
+        self.observer.spin_until(condition)
 
     def message(self, *rows, columns=COLUMNS):
         from occ_constraints_pkg.ros.tables import table_message
@@ -87,10 +87,10 @@ class Robot:
 @pytest.fixture(scope='module')
 def shared(make_nodes, rules_of):
     """Return a robot with a monitor that several tests use, one after the other."""
-    from occ_constraints_pkg.demo.observer import Observer
+    from listener import Listener
 
     nodes = make_nodes()
-    with Observer(nodes.domain) as observer:
+    with Listener(nodes.domain) as observer:
         robot = Robot(observer)
         # No test is so slow that its silence would be noticed.
         robot.start_monitor(nodes, rules_of['simple_nav'], timeout=100.0)
@@ -219,7 +219,7 @@ def test_a_topic_of_another_type_is_unknown_and_named(nodes, observer, rules_of)
             publisher.publish(String(data='x'))
             return heard and heard[-1].status[0].message == expected
 
-        observer.spin_until(told, 20.0)
+        observer.spin_until(told)
         assert process.is_running
     finally:
         other.destroy_node()

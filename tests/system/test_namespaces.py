@@ -44,15 +44,13 @@ def test_monitors_in_two_namespaces_do_not_mix(nodes, observer, rules_of):
             and len(judging) == 2
         )
 
-    observer.spin_until(matched, 20.0)
+    observer.spin_until(matched)
     assert judging == {'robot1/monitor: judging', 'robot2/monitor: judging'}
     for robot, rows, count in (('robot1', [(0.8, 0.2)], 3), ('robot2', [(0.2, 0.8)] * 2, 5)):
         for number in range(count):
             table = Table(('x', 'y'), np.array(rows, dtype=np.float32))
             publishers[robot].publish(table_message(table, 10**18 + number))
-    observer.spin_until(
-        lambda: len(violations['robot1']) == 3 and len(violations['robot2']) == 5, 10
-    )
+    observer.spin_until(lambda: len(violations['robot1']) == 3 and len(violations['robot2']) == 5)
     for robot, rows, cost in (('robot1', 1, 0.0), ('robot2', 2, 1.0)):
         for message in costs[robot]:
             assert Table.from_message(message).column('cost').tolist() == [cost] * rows
@@ -117,7 +115,7 @@ def test_of_three_robots_each_is_stopped_by_its_own_monitor_only(nodes, observer
                 for name, robot in robots.items()
             )
 
-        observer.spin_until(holds, 60.0)
+        observer.spin_until(holds)
 
     passing(*names)
     # Only the second one drives into what is forbidden, and comes back.

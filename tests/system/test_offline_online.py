@@ -29,7 +29,7 @@ class LockStep:
 
     def __init__(self, nodes, rules, topics):
         from diagnostic_msgs.msg import DiagnosticArray
-        from occ_constraints_pkg.demo.observer import Observer
+        from listener import Listener
         from occ_constraints_pkg.ros.qos import STEPS
         from rosgraph_msgs.msg import Clock
         from sensor_msgs.msg import PointCloud2
@@ -46,7 +46,7 @@ class LockStep:
         self.monitor = nodes.start(
             'monitor', constraints_file=self.rules, timeout=60.0, use_sim_time=True, **reliable
         )
-        self.observer = Observer(nodes.domain)
+        self.observer = Listener(nodes.domain)
         self.costs, self.violations = [], []
         node = self.observer.node
         node.create_subscription(PointCloud2, 'costs', self.costs.append, STEPS)
@@ -68,18 +68,18 @@ class LockStep:
             for topic in topics
         }
         everything = [*publishers.values(), self.clock]
-        observer.spin_until(lambda: all(p.get_subscription_count() for p in everything), 30.0)
+        observer.spin_until(lambda: all(p.get_subscription_count() for p in everything))
         observer.wait_for_monitor(2)
         # Answered, so the monitor has found this client, and we the monitor's topics.
         observer.call(SetBool, 'monitor/enable', data=True)
-        observer.spin_until(self.done.service_is_ready, 30.0)
+        observer.spin_until(self.done.service_is_ready)
         for message in recording.messages(topics):
             self.clock.publish(Clock(clock=to_time(message.log_time_ns)))
             publishers[message.topic].publish(message.data)
             # Callbacks run in the order in which their messages came, so whatever this message
             # brings about has been published when the call is answered.
             answer = self.done.call_async(SetBool.Request(data=True))
-            observer.spin_until_done(answer, 30.0)
+            observer.spin_until_done(answer)
             assert answer.result().success
 
 

@@ -77,7 +77,7 @@ def test_every_topic_and_service_of_the_nodes_is_allowed(nodes, observer, rules_
         # Endpoints are discovered one by one.
         return same >= 10 and all(item['publish'] and item['reply'] for item in now)
 
-    observer.spin_until(settled, 60.0)
+    observer.spin_until(settled)
     for (name, _, _), found in zip(started, seen, strict=True):
         rules_for = allowed(name)
         assert found.pop('request') == set()

@@ -22,7 +22,7 @@ def test_simple_navigation_is_pruned_to_the_rule_of_the_paper(nodes, observer, t
     nodes.start('policy', policy='expert')
     # The observer listens to observations too.
     demonstration = nodes.start('sim', **episode)
-    observer.spin_until(lambda: not demonstration.is_running, 40.0)
+    observer.spin_until(lambda: not demonstration.is_running)
     demonstration.raise_error()
     nodes.stop(recorder)
     learner = nodes.start(
@@ -35,9 +35,9 @@ def test_simple_navigation_is_pruned_to_the_rule_of_the_paper(nodes, observer, t
         alpha=0.5,
         max_depth=2,
     )
-    observer.spin_until(lambda: 'enabled rule' in monitor.log.read_text(), 30.0)
+    observer.spin_until(lambda: 'enabled rule' in monitor.log.read_text())
     let_go(observer, '/drive/observation')
-    observer.spin_until(lambda: not drive.is_running, 40.0)
+    observer.spin_until(lambda: not drive.is_running)
     drive.raise_error()
     nodes.stop(learner)
     answer = trigger('/drive/monitor/prune')

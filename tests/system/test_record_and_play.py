@@ -34,7 +34,7 @@ def test_topics_by_pattern_are_recorded_as_offered_in_split_files(nodes, observe
     )
     # The recorder was told of all of them at once, so it would have come for the secret one too.
     for publisher in (latched, steady, modest):
-        observer.spin_until(lambda p=publisher: p.get_subscription_count() == 1, 30.0)
+        observer.spin_until(lambda p=publisher: p.get_subscription_count() == 1)
     sent = 0
 
     def files():
@@ -44,11 +44,11 @@ def test_topics_by_pattern_are_recorded_as_offered_in_split_files(nodes, observe
         sent += 1
         return len(list(bag.glob('*.mcap')))
 
-    observer.spin_until(lambda: files() >= 4, 20.0)
+    observer.spin_until(lambda: files() >= 4)
     assert secret.get_subscription_count() == 0
     steady.publish(String(data='last'))
     # It has come when it can be read, as the file is flushed twice a second.
-    observer.spin_until(lambda: texts(bag, '/chat')[-1:] == ['last'], 20.0)
+    observer.spin_until(lambda: texts(bag, '/chat')[-1:] == ['last'])
     nodes.stop(recorder)
 
     assert texts(bag, '/map_static') == ['before the recorder']
@@ -96,28 +96,28 @@ def test_the_player_pauses_starts_late_and_tells_the_time(nodes, observer):
         'player', bag=bag, start_paused=True, start_offset=20.0, clock=100.0, wait_for_subscribers=2
     )
     # Time is told, and stands still.
-    observer.spin_until(lambda: len(times) > 20, 30.0)
+    observer.spin_until(lambda: len(times) > 20)
     assert set(times) == {START_NS + 20 * 10**9}
     assert ticks == maps == []
 
     assert observer.call(Trigger, 'player/resume').success
-    observer.spin_until(lambda: len(ticks) > 3 and maps, 20.0)
+    observer.spin_until(lambda: len(ticks) > 3 and maps)
     assert maps == ['map']
     assert observer.call(Trigger, 'player/pause').message == 'paused'
     # What was under way has come when time has been told to stand still for a while.
-    observer.spin_until(lambda: len(times) > 20 and len(set(times[-20:])) == 1, 20.0)
+    observer.spin_until(lambda: len(times) > 20 and len(set(times[-20:])) == 1)
     paused_at, stood = ticks[-1], times[-1]
     assert ticks == list(range(200, paused_at + 1))
     assert START_NS + paused_at * 10**8 <= stood
     count = len(times)
-    observer.spin_until(lambda: len(times) > count + 20, 20.0)
+    observer.spin_until(lambda: len(times) > count + 20)
     assert (ticks[-1], times[-1]) == (paused_at, stood)
 
     began = time.monotonic()
     # A repeated request would toggle twice, so what came of it is looked at.
     observer.call(Trigger, 'player/toggle_paused')
     observer.call(Trigger, 'player/resume')
-    observer.spin_until(lambda: len(ticks) > paused_at - 200 + 4, 20.0)
+    observer.spin_until(lambda: len(ticks) > paused_at - 200 + 4)
     assert ticks == list(range(200, ticks[-1] + 1))
     assert times == sorted(times)
     assert times[-1] - stood <= (time.monotonic() - began) * 1e9

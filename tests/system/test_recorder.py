@@ -12,7 +12,7 @@ from ruamel.yaml import YAML
 def test_publishers_that_offer_different_qualities_are_recorded_and_played(
     nodes, observer, make_nodes
 ):
-    from occ_constraints_pkg.demo.observer import Observer
+    from listener import Listener
     from occ_constraints_pkg.ros.qos import LATCHED, SENSORS
     from rclpy.qos import DurabilityPolicy, QoSProfile
     from std_msgs.msg import String
@@ -21,13 +21,13 @@ def test_publishers_that_offer_different_qualities_are_recorded_and_played(
     latched = observer.node.create_publisher(String, 'mixed', LATCHED)
     latched.publish(String(data='before the recorder'))
     recorder = nodes.start('recorder', output=bag, topics=['mixed', 'never'])
-    observer.spin_until(lambda: recorded(bag) == 1, 20.0)
+    observer.spin_until(lambda: recorded(bag) == 1)
     modest = observer.node.create_publisher(String, 'mixed', SENSORS)
     for publisher in (latched, modest):
-        observer.spin_until(lambda p=publisher: p.get_subscription_count() == 1, 10.0)
+        observer.spin_until(lambda p=publisher: p.get_subscription_count() == 1)
     modest.publish(String(data='modest'))
     latched.publish(String(data='reliable'))
-    observer.spin_until(lambda: recorded(bag) >= 3, 20.0)
+    observer.spin_until(lambda: recorded(bag) >= 3)
     nodes.stop(recorder)
     assert 'nobody has published /never so far' in recorder.log.read_text()
     expected = ['before the recorder', 'modest', 'reliable']
@@ -36,13 +36,13 @@ def test_publishers_that_offer_different_qualities_are_recorded_and_played(
     # A late subscriber that asks for the most gets all that was latched.
     other, heard = make_nodes(), []
     deep = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    with Observer(other.domain) as listener:
+    with Listener(other.domain) as listener:
         player = other.start('player', bag=bag, rate=100.0, wait_for_subscribers=1)
         listener.node.create_subscription(
             String, 'mixed', lambda message: heard.append(message.data), deep
         )
-        listener.spin_until(lambda: not player.is_running, 20.0)
-        listener.spin_until(lambda: heard == expected, 5.0)
+        listener.spin_until(lambda: not player.is_running)
+        listener.spin_until(lambda: heard == expected)
     other.stop()
 
 
@@ -66,7 +66,8 @@ def test_a_recorder_of_many_topics_loses_next_to_nothing(tmp_path, number):
     from benchmarks.record import record
 
     # With metadata.yaml written for each new topic, it had fallen seconds behind by then.
-    ending = record(tmp_path, private_domain(), number, after=4.0, topics=200, rate=5.0)
+    with private_domain() as domain:
+        ending = record(tmp_path, domain, number, after=4.0, topics=200, rate=5.0)
     assert ending.topics == 200
     assert ending.expected > 2000
     assert ending.late_seconds < 0.5

@@ -16,7 +16,7 @@ def started(nodes, observer):
     """Return the simulation, once it steps, and the id of its helping process."""
     nodes.start('policy', policy='straightv')
     sim = nodes.start('sim', world='PointGoal1', num_robots=4, processes=2, wait_for_subscribers=2)
-    observer.spin_until(lambda: len(observer.heard.true_cost) >= 10, 40.0)
+    observer.spin_until(lambda: len(observer.heard.true_cost) >= 10)
     return sim, *_children(sim.pid)
 
 

@@ -47,12 +47,12 @@ def test_typed_sensors_say_what_the_observation_says(nodes, observer, heard):
     # At a rate that the observer, with seven topics, can keep pace with.
     options = {'world': 'CarGoal1', 'num_robots': 2, 'publish_clock': True, 'rate': 30.0}
     nodes.start('sim', **options, wait_for_subscribers=3)
-    observer.spin_until(_matched(observer, heard), 30.0)
+    observer.spin_until(_matched(observer, heard))
 
     def common():
         return sorted(set.intersection(*(set(messages) for messages in heard.values())))
 
-    observer.spin_until(lambda: len(common()) >= 30 and len(clock) >= 30, 30.0)
+    observer.spin_until(lambda: len(common()) >= 30 and len(clock) >= 30)
     assert clock[0].clock.sec > 1_700_000_000
     for stamp in common():
         table = Table.from_message(heard['observation'][stamp])
@@ -91,9 +91,7 @@ def test_a_velocity_command_drives_until_it_is_missed(nodes, observer, heard):
 
     publisher = observer.node.create_publisher(Twist, 'cmd_vel', 10)
     nodes.start('sim', world='CarGoal1', drive_by_cmd_vel=True, cmd_vel_timeout=1.0)
-    observer.spin_until(
-        lambda: publisher.get_subscription_count() == 1 and len(heard['odom']) > 2, 30.0
-    )
+    observer.spin_until(lambda: publisher.get_subscription_count() == 1 and len(heard['odom']) > 2)
 
     def speed():
         return heard['odom'][max(heard['odom'])].twist.twist.linear.x
@@ -107,9 +105,9 @@ def test_a_velocity_command_drives_until_it_is_missed(nodes, observer, heard):
         drive(0.5)
         return speed() > 0.4
 
-    observer.spin_until(fast, 30.0)
+    observer.spin_until(fast)
     drive(float('nan'))
     # Nobody commands any more.
-    observer.spin_until(lambda: abs(speed()) < 0.1, 30.0)
+    observer.spin_until(lambda: abs(speed()) < 0.1)
     log = nodes.started[0].log.read_text()
     assert 'cmd_vel ignored: a Twist asks for linear.x = nan' in log

@@ -52,7 +52,7 @@ class Stage:
         return stamp in self.answers
 
     def wait_for_answer(self, stamp, **options) -> None:
-        self._observer.spin_until(lambda: self.say(stamp, **options), 60.0)
+        self._observer.spin_until(lambda: self.say(stamp, **options))
 
     def _on_action(self, message) -> None:
         from occ_constraints_pkg.ros.messages import to_nanoseconds
@@ -90,13 +90,13 @@ def test_nothing_is_learned_from_a_step_that_another_node_answered_too(
         return 'another node publishes other actions on /action' in learner.log.read_text()
 
     # The observer itself listens, too.
-    observer.spin_until(lambda: rival.get_subscription_count() == 2, 30.0)
-    observer.spin_until(waits, 30.0)
+    observer.spin_until(lambda: rival.get_subscription_count() == 2)
+    observer.spin_until(waits)
     observer.node.destroy_publisher(rival)
     # Whose action led there is not known.
     stage.wait_for_answer(STEP_NS)
     stage.wait_for_answer(2 * STEP_NS)
-    observer.spin_until((output / 'metrics.jsonl').exists, 30.0)
+    observer.spin_until((output / 'metrics.jsonl').exists)
     nodes.stop(learner, number=signal.SIGTERM)
     first = json.loads((output / 'metrics.jsonl').read_text().splitlines()[0])
     assert first['steps'] == ROBOTS
@@ -110,12 +110,12 @@ def test_a_second_simulation_other_rules_and_another_world_are_told(
     for stamp in (0, STEP_NS, 1_000_000_000, 2 * STEP_NS):
         stage.wait_for_answer(stamp)
     observer.spin_until(
-        lambda: 'two simulations take turns on /observation' in learner.log.read_text(), 30.0
+        lambda: 'two simulations take turns on /observation' in learner.log.read_text()
     )
 
     stage.wait_for_answer(3 * STEP_NS, rules='others')
     observer.spin_until(
-        lambda: 'now those of rule set others, before of rules' in learner.log.read_text(), 30.0
+        lambda: 'now those of rule set others, before of rules' in learner.log.read_text()
     )
 
     # Like the highways, of which one has a part of the other's scenarios, it has the same columns.
@@ -123,7 +123,7 @@ def test_a_second_simulation_other_rules_and_another_world_are_told(
         stage.say(4 * STEP_NS, world='other')
         return not learner.is_running
 
-    observer.spin_until(has_ended, 30.0)
+    observer.spin_until(has_ended)
     assert learner.exit_code == 2
     assert 'is one of simple_nav, and the simulation is other' in learner.last_words()
     assert 4 * STEP_NS not in stage.answers
@@ -156,8 +156,8 @@ def test_an_action_that_cannot_be_taken_is_ignored(nodes, observer, stage, rate)
         return f'action ignored: an action {words}' in sim.log.read_text()
 
     good = np.zeros((2, len(ACTION)))
-    observer.spin_until(lambda: is_told('holds nan', good * np.nan), 30.0)
-    observer.spin_until(lambda: is_told('has shape', np.zeros((3, len(ACTION)))), 30.0)
+    observer.spin_until(lambda: is_told('holds nan', good * np.nan))
+    observer.spin_until(lambda: is_told('has shape', np.zeros((3, len(ACTION)))))
     # None of them was a step.
     assert len(observer.heard.true_cost) == 1
-    observer.spin_until(lambda: act(good) or len(observer.heard.true_cost) > 1, 30.0)
+    observer.spin_until(lambda: act(good) or len(observer.heard.true_cost) > 1)

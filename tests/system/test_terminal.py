@@ -17,7 +17,7 @@ def hears(observer):
         def lines():
             return process.log.read_text().splitlines()
 
-        observer.spin_until(lambda: all(any(w in line for line in lines()) for w in words), 30.0)
+        observer.spin_until(lambda: all(any(w in line for line in lines()) for w in words))
         return lines()
 
     return wait
@@ -80,7 +80,7 @@ def test_a_monitor_tells_from_its_start_to_each_change(nodes, observer, hears, s
             drive(speed)
             return words in monitor.log.read_text()
 
-        observer.spin_until(told, 30.0)
+        observer.spin_until(told)
 
     driven(0.25, 'SAFE, margin 0.75')
     driven(1.5, 'VIOLATED: FAST: speed above 1 m/s (speed = 1.5)')
@@ -157,7 +157,7 @@ def test_damaged_counters_stop_no_monitor_and_are_kept_beside(
     counts.write_text('{"format": "occ_con')
     monitor = nodes.start('monitor', constraints_file=speed_rules, counts_file=counts)
     hears(monitor, 'not a file of rule counters', 'UNKNOWN: nobody publishes odom')
-    observer.spin_until(lambda: (tmp_path / 'counts.json.damaged').exists(), 10.0)
-    observer.spin_until(counts.exists, 10.0)
+    observer.spin_until(lambda: (tmp_path / 'counts.json.damaged').exists())
+    observer.spin_until(counts.exists)
     assert (tmp_path / 'counts.json.damaged').read_text() == '{"format": "occ_con'
     assert json.loads(counts.read_text())['rules']['FAST']['evaluated'] == 0

@@ -23,7 +23,8 @@ def test_training_goes_on_when_a_monitor_sleeps_and_when_the_simulation_starts_a
     nodes, observer, rules_of
 ):
     pytest.importorskip('torch', reason="needs the extra 'train'")
-    from occ_constraints_pkg.demo.observer import ALL, Observer
+    from listener import Listener
+    from occ_constraints_pkg.demo.observer import ALL
     from occ_constraints_pkg.ros.messages import to_nanoseconds
     from sensor_msgs.msg import PointCloud2
 
@@ -59,18 +60,18 @@ def test_training_goes_on_when_a_monitor_sleeps_and_when_the_simulation_starts_a
         A listener that comes now hears nothing but that. Messages come in order, so whoever has
         heard it as well has heard all before.
         """
-        with Observer(nodes.domain) as late:
-            late.spin_until(lambda: late.heard.true_cost, 30.0)
+        with Listener(nodes.domain) as late:
+            late.spin_until(lambda: late.heard.true_cost)
             last = next(iter(late.heard.true_cost))
-        observer.spin_until(lambda: last in done, 30.0)
+        observer.spin_until(lambda: last in done)
 
-    observer.spin_until(lambda: len(updates()) >= 2, 60.0)
+    observer.spin_until(lambda: len(updates()) >= 2)
     monitor.send_signal(signal.SIGSTOP)
     asleep = time.monotonic()
-    observer.spin_until(lambda: time.monotonic() > asleep + 2.0, 3.0)
+    observer.spin_until(lambda: time.monotonic() > asleep + 2.0)
     before = len(updates())
     monitor.send_signal(signal.SIGCONT)
-    observer.spin_until(lambda: len(updates()) >= before + 2, 60.0)
+    observer.spin_until(lambda: len(updates()) >= before + 2)
     # The simulation said its last step again and again; one answer was enough.
     assert observer.heard.duplicates >= 1
 
@@ -81,7 +82,7 @@ def test_training_goes_on_when_a_monitor_sleeps_and_when_the_simulation_starts_a
     monitor.send_signal(signal.SIGCONT)
     before = len(updates())
     nodes.start('sim', **parameters)
-    observer.spin_until(lambda: len(updates()) >= before + 2, 60.0)
+    observer.spin_until(lambda: len(updates()) >= before + 2)
     nodes.stop(learner, number=signal.SIGTERM)
     hear_all()
 
@@ -118,30 +119,30 @@ def test_training_survives_the_death_of_any_node(nodes, observer, rules_of):
         running[name].send_signal(signal.SIGKILL)
         running[name].join()
 
-    observer.spin_until(lambda: len(updates()) >= 2 and kept.exists(), 60.0)
+    observer.spin_until(lambda: len(updates()) >= 2 and kept.exists())
     learner = running['constrained_learner']
 
     kill('monitor')
-    observer.spin_until(lambda: 'there is no monitor' in learner.log.read_text(), 30.0)
+    observer.spin_until(lambda: 'there is no monitor' in learner.log.read_text())
     before = len(updates())
     running['monitor'] = nodes.start('monitor', **parameters['monitor'])
-    observer.spin_until(lambda: len(updates()) >= before + 2, 60.0)
+    observer.spin_until(lambda: len(updates()) >= before + 2)
     assert 'counters go on from' in running['monitor'].log.read_text()
 
     kill('sim')
-    observer.spin_until(lambda: 'there is no simulation' in learner.log.read_text(), 30.0)
+    observer.spin_until(lambda: 'there is no simulation' in learner.log.read_text())
     before = len(updates())
     running['sim'] = nodes.start('sim', **parameters['sim'])
-    observer.spin_until(lambda: len(updates()) >= before + 2, 60.0)
+    observer.spin_until(lambda: len(updates()) >= before + 2)
     assert 'the simulation has started anew' in learner.log.read_text()
 
     kill('constrained_learner')
     before = updates()[-1]
     # Without a learner the simulation repeats itself, and nothing is counted again.
     repeats = observer.heard.duplicates
-    observer.spin_until(lambda: observer.heard.duplicates >= repeats + 2, 30.0)
+    observer.spin_until(lambda: observer.heard.duplicates >= repeats + 2)
     learner = nodes.start('constrained_learner', **parameters['constrained_learner'])
-    observer.spin_until(lambda: updates()[-1] >= before + 2, 60.0)
+    observer.spin_until(lambda: updates()[-1] >= before + 2)
     text = learner.log.read_text()
     assert 'training on simple_nav goes on from' in text
     assert 'episodes up to here do not count in the means' in text
@@ -180,14 +181,14 @@ def test_the_learner_waits_for_a_monitor_that_knows(nodes, observer, rules_of):
     def says(words):
         return lambda: words in learner.log.read_text()
 
-    observer.spin_until(says('there is no monitor'), 60.0)
+    observer.spin_until(says('there is no monitor'))
     monitor = nodes.start('monitor', constraints_file=nodes.folder / 'unknowing.yaml')
-    observer.spin_until(says('the monitor reports UNKNOWN for every robot'), 60.0)
+    observer.spin_until(says('the monitor reports UNKNOWN for every robot'))
     # Not one action was given.
     assert len(observer.heard.true_cost) == 1
     nodes.stop(monitor)
     nodes.start('monitor', constraints_file=rules)
-    observer.spin_until((output / 'metrics.jsonl').exists, 60.0)
+    observer.spin_until((output / 'metrics.jsonl').exists)
     assert says('training goes on after')()
 
 
@@ -198,7 +199,7 @@ def words_of_refusal(make_nodes, rules_of):
     The training's directory is ``output`` of the function, and is there before.
     """
     pytest.importorskip('torch', reason="needs the extra 'train'")
-    from occ_constraints_pkg.demo.observer import Observer
+    from listener import Listener
 
     nodes = make_nodes()
     output, rules = nodes.folder / 'training', nodes.folder / 'rules.yaml'
@@ -209,8 +210,8 @@ def words_of_refusal(make_nodes, rules_of):
         learner = nodes.start('constrained_learner', output=output, rollout_steps=32, **parameters)
         nodes.start('monitor', constraints_file=rules)
         nodes.start('sim', world='simple_nav', num_robots=ROBOTS, wait_for_subscribers=2)
-        with Observer(nodes.domain) as observer:
-            observer.spin_until(lambda: not learner.is_running, 60.0)
+        with Listener(nodes.domain) as observer:
+            observer.spin_until(lambda: not learner.is_running)
         assert learner.exit_code == 2
         return learner.last_words()
 

@@ -79,7 +79,7 @@ def told(observer):
                 publisher.send()
             return bool(heard) and heard[-1].status[0].message == words
 
-        observer.spin_until(is_told, 20.0)
+        observer.spin_until(is_told)
 
     return until
 

@@ -24,6 +24,7 @@ OVERWRITE = click.option(
     '--overwrite', is_flag=True, help='Replace a file with edited rules (keeps .bak).'
 )
 JSON = click.option('--json', 'as_json', is_flag=True, help='Print one JSON object.')
+AT_LEAST_0, AT_LEAST_1 = click.IntRange(min=0), click.IntRange(min=1)
 
 
 class Seconds(click.FloatRange):
@@ -152,8 +153,24 @@ def warn(sentence: str) -> None:
     report(f'warning: {sentence}')
 
 
-def checked_cost_limit(_context: Any, _parameter: Any, text: str) -> float | str:
-    """Return a cost limit given as an option: a number, or ``demonstrations``."""
+def seed_option(text: str | None = None, *, default: int = 0) -> Callable[..., Any]:
+    """Return the option ``--seed``, with a text where the name alone does not say it."""
+    return click.option('--seed', default=default, type=AT_LEAST_0, show_default=True, help=text)
+
+
+def cost_limit_option(default: str) -> Callable[..., Any]:
+    """Return the option ``--cost-limit``: a number, or ``demonstrations``."""
+    return click.option(
+        '--cost-limit',
+        default=default,
+        show_default=True,
+        metavar='NUMBER',
+        callback=_checked_cost_limit,
+        help="Mean cost per episode; 'demonstrations': the learned cost of the demonstrations.",
+    )
+
+
+def _checked_cost_limit(_context: Any, _parameter: Any, text: str) -> float | str:
     if text == 'demonstrations':
         return text
     try:

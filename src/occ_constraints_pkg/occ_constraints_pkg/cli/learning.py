@@ -22,7 +22,7 @@ from occ_constraints_pkg.cli.common import (
     say_lines,
     warn,
 )
-from occ_constraints_pkg.cli.tree_options import seed_option, tree_options, tree_settings
+from occ_constraints_pkg.cli.tree_options import held_out_seed, tree_options, tree_settings
 from occ_constraints_pkg.errors import import_needed
 from occ_constraints_pkg.files import (
     CONSTRAINTS,
@@ -88,7 +88,7 @@ from occ_constraints_pkg.learning.settings import OCTreeSettings
     help='With --compare-depths: recording or table with the true cost, to score each depth on; '
     'may be repeated.',
 )
-@seed_option
+@held_out_seed
 @OVERWRITE
 @JSON
 def learn(

@@ -11,13 +11,16 @@ from typing import Any
 import click
 
 from occ_constraints_pkg.cli.common import (
+    AT_LEAST_0,
+    AT_LEAST_1,
     JSON,
-    checked_cost_limit,
+    cost_limit_option,
     number,
     print_json,
     progress_bar,
     report,
     say,
+    seed_option,
 )
 from occ_constraints_pkg.errors import ConfigurationError, import_needed
 from occ_constraints_pkg.files import check_outputs
@@ -62,29 +65,22 @@ def _learner(_context: Any, _parameter: Any, texts: tuple[str, ...]) -> dict[str
     show_default=True,
     help="'true': the world's own cost; 'none': unconstrained; or a constraints file.",
 )
-@click.option(
-    '--cost-limit',
-    default='25',
-    show_default=True,
-    metavar='NUMBER',
-    callback=checked_cost_limit,
-    help="Mean cost per episode; 'demonstrations': the learned cost of the demonstrations.",
-)
+@cost_limit_option('25')
 @click.option(
     '--steps',
     default=1_000_000,
-    type=click.IntRange(min=1),
+    type=AT_LEAST_1,
     show_default=True,
     help='Robot steps; at least as many as one update needs, rollout_steps for each robot.',
 )
 @click.option(
     '--robots',
     default=64,
-    type=click.IntRange(min=1),
+    type=AT_LEAST_1,
     show_default=True,
     help='Robots simulated at once.',
 )
-@click.option('--seed', default=0, type=click.IntRange(min=0), show_default=True)
+@seed_option()
 @click.option(
     '--seeds',
     callback=_seeds,
@@ -96,7 +92,7 @@ def _learner(_context: Any, _parameter: Any, texts: tuple[str, ...]) -> dict[str
 @click.option(
     '--processes',
     default=0,
-    type=click.IntRange(min=0),
+    type=AT_LEAST_0,
     show_default=True,
     help='Processes that step the world, this one included; 0: one per core. With --seeds: 1.',
 )
@@ -233,8 +229,8 @@ def _interval(numbers: dict[str, Any], name: str) -> str:
 @click.command()
 @click.argument('policies', metavar='POLICY|DRIVER...', nargs=-1, required=True, type=click.Path())
 @click.option('--world', help='Default: the one the policy was trained on; a driver needs one.')
-@click.option('--episodes', default=50, type=click.IntRange(min=1), show_default=True)
-@click.option('--seed', default=1, type=click.IntRange(min=0), show_default=True)
+@click.option('--episodes', default=50, type=AT_LEAST_1, show_default=True)
+@seed_option(default=1)
 @click.option('--explore', is_flag=True, help='Sample actions instead of taking the mean.')
 @click.option(
     '--cost',
@@ -328,16 +324,10 @@ def _world_of(policy: str) -> str:
 )
 @click.option(
     '--steps',
-    type=click.IntRange(min=1),
+    type=AT_LEAST_1,
     help='Largest number of steps, except on the highway; default: a whole episode.',
 )
-@click.option(
-    '--seed',
-    default=0,
-    type=click.IntRange(min=0),
-    show_default=True,
-    help='On the highway: number of the scenario.',
-)
+@seed_option('On the highway: number of the scenario.')
 @click.option(
     '-c',
     '--constraints',

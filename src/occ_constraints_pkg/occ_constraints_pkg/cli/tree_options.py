@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from occ_constraints_pkg.cli.common import named_options
+from occ_constraints_pkg.cli.common import named_options, seed_option
 from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 
@@ -77,13 +77,7 @@ _OPTIONS = (
         '--depth replaces nu.',
     ),
 )
-seed_option = click.option(
-    '--seed',
-    default=0,
-    type=click.IntRange(min=0),
-    show_default=True,
-    help='Chooses the held-out episodes.',
-)
+held_out_seed = seed_option('Chooses the held-out episodes.')
 
 
 def tree_options(command: Callable[..., Any]) -> Callable[..., Any]:

@@ -54,31 +54,21 @@ def run_demo(output: Path, *, train_seconds: float = 120.0) -> int:
 
     began = time.monotonic()
     _prepare(output)
-    domain = private_domain()
-    bag, rules = output / 'demonstrations', output / 'constraints.yaml'
-
-    _say(1, 'an expert drives; a recorder node writes its observations to an MCAP bag')
-    record_episodes(
-        bag,
-        output / 'logs' / '1_record',
-        domain,
-        world=WORLD,
-        driver='expert',
-        robots=_DEMONSTRATORS,
-        episodes=_DEMONSTRATIONS_EACH,
+    bag, rules, training = (
+        output / name for name in ('demonstrations', 'constraints.yaml', 'training')
     )
-    click.echo(f'      {_DEMONSTRATORS * _DEMONSTRATIONS_EACH} episodes are in {bag}')
-    _say(2, 'the tree_learner node reads the bag and learns where demonstrations end')
-    watched = _learn_and_watch(bag, rules, output / 'logs' / '2_watch', domain)
-    constraints = load_constraints(rules)
-    _print_watch(watched)
-
-    _say(
-        4,
-        f'the constrained_learner node trains for {train_seconds:g} s on the costs of the monitor',
-    )
-    training = output / 'training'
-    _train(rules, training, train_seconds, output / 'logs' / '3_train', domain)
+    with private_domain() as domain:
+        _record(bag, output / 'logs' / '1_record', domain)
+        _say(2, 'the tree_learner node reads the bag and learns where demonstrations end')
+        watched = _learn_and_watch(bag, rules, output / 'logs' / '2_watch', domain)
+        constraints = load_constraints(rules)
+        _print_watch(watched)
+        _say(
+            4,
+            f'the constrained_learner node trains for {train_seconds:g} s on the costs of the '
+            'monitor',
+        )
+        _train(rules, training, train_seconds, output / 'logs' / '3_train', domain)
     scores = _compare(training / 'policy.npz', constraints)
     _print_scores(scores)
 
@@ -92,6 +82,20 @@ def run_demo(output: Path, *, train_seconds: float = 120.0) -> int:
     ):
         click.echo(f'  {name}: {what}')
     return 0
+
+
+def _record(bag: Path, logs: Path, domain: int) -> None:
+    _say(1, 'an expert drives; a recorder node writes its observations to an MCAP bag')
+    record_episodes(
+        bag,
+        logs,
+        domain,
+        world=WORLD,
+        driver='expert',
+        robots=_DEMONSTRATORS,
+        episodes=_DEMONSTRATIONS_EACH,
+    )
+    click.echo(f'      {_DEMONSTRATORS * _DEMONSTRATIONS_EACH} episodes are in {bag}')
 
 
 def _learn_and_watch(bag: Path, rules: Path, logs: Path, domain: int) -> dict[str, Any]:

@@ -8,7 +8,6 @@ import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import rclpy
@@ -17,7 +16,6 @@ from rclpy.context import Context
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from rclpy.task import Future
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Float64
 
@@ -25,15 +23,11 @@ from occ_constraints_pkg.errors import ConfigurationError, OccError
 from occ_constraints_pkg.features.table import Table
 from occ_constraints_pkg.learning.scoring import score_flags
 from occ_constraints_pkg.ros.messages import to_nanoseconds
-from occ_constraints_pkg.ros.qos import SETTLED_CHECKS
 
 _LOOK_SECONDS = 0.05
 # An observer holds nobody up: while it waits for a process to end, the others go on. Where none of
 # their messages may be missed, their publishers must keep as many (``qos_overrides``).
 ALL = QoSProfile(depth=20_000, reliability=ReliabilityPolicy.RELIABLE)
-# A client knows a service before the service knows the client, and an answer sent within that
-# moment is dropped. No call tells when it is over; so a request without an answer is repeated.
-_ANSWER_SECONDS = 3.0
 
 
 @dataclass
@@ -134,43 +128,6 @@ class Observer:
             # are handled, whatever their timeout.
             while (left := look - time.monotonic()) > 0:
                 self._executor.spin_once(left)
-
-    def spin_until_done(self, future: Future, seconds: float) -> None:
-        """Listen until a future has its result, without the delay of looking for it.
-
-        Raises:
-            OccError: it does not have it within ``seconds``.
-        """
-        self._executor.spin_until_future_complete(future, seconds)
-        if not future.done():
-            raise ConfigurationError(f'no answer came within {seconds:g} s')
-
-    def call(self, kind: type, service: str, seconds: float = 30.0, **fields: Any) -> Any:
-        """Call a service and return its answer.
-
-        A request whose answer does not come soon is repeated, so the service may act twice.
-
-        Args:
-            kind: type of the service, for example ``std_srvs.srv.Trigger``.
-            service: its name, within the namespace unless it begins with a slash.
-            seconds: how long to wait for the service, and then for the answer.
-            **fields: of the request.
-
-        Raises:
-            OccError: there is no such service in time, or no answer.
-        """
-        client = self.node.create_client(kind, service)
-        self.spin_until(client.service_is_ready, seconds)
-        self.spin(SETTLED_CHECKS * _LOOK_SECONDS)
-        end = time.monotonic() + seconds
-        futures: list[Future] = []
-        while time.monotonic() < end:
-            futures.append(client.call_async(kind.Request(**fields)))
-            self.spin(_ANSWER_SECONDS, lambda: any(future.done() for future in futures))
-            for future in futures:
-                if future.done():
-                    return future.result()
-        raise ConfigurationError(f'service {service!r} gave no answer within {seconds:g} s')
 
     def wait_for_monitor(self, subscribers: int, seconds: float = 30.0) -> None:
         """Wait until a monitor knows as many subscribers of its costs and violations.

@@ -4,9 +4,12 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
+import random
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -19,6 +22,8 @@ from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.stopping import PARENT_VARIABLE
 
 _STOP_SECONDS = 15.0
+# Domains above 101 use ports that Linux also hands out by itself.
+_DOMAINS = range(1, 102)
 _LOOK_SECONDS = 0.05
 
 
@@ -181,10 +186,30 @@ def environment(domain: int) -> dict[str, str]:
     }
 
 
-def private_domain() -> int:
-    """Return a ROS domain that other programs of this machine hardly use."""
-    # Domains up to 101 use ports below those that Linux hands out by itself.
-    return 1 + os.getpid() % 101
+@contextmanager
+def private_domain() -> Iterator[int]:
+    """Yield a ROS domain that nobody else on this machine gets from here until the block is left.
+
+    Raises:
+        OccError: all are taken.
+    """
+    # A socket's abstract name is the kernel's own: it is gone with the process, however that ends,
+    # and reaches as far as the domains do (all users, one network namespace).
+    with socket.socket(socket.AF_UNIX) as claim:
+        # In any order, so that what a node of an earlier domain left behind meets nobody soon.
+        for domain in random.SystemRandom().sample(_DOMAINS, len(_DOMAINS)):
+            try:
+                claim.bind(f'\0occ_constraints ROS domain {domain}')
+            except OSError as error:
+                if error.errno != errno.EADDRINUSE:
+                    raise
+                continue
+            yield domain
+            return
+    raise ConfigurationError(
+        f'all {len(_DOMAINS)} ROS domains from {_DOMAINS[0]} to {_DOMAINS[-1]} are in use by '
+        'demos, benchmarks and tests on this machine; wait for one of them to end'
+    )
 
 
 def _yaml(value: Any) -> str:

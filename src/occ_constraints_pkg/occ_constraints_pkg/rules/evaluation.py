@@ -495,6 +495,10 @@ class _Program:
         return self._places[number]
 
 
+# How many times as many members rules of unequal length may have to be evaluated as equally long.
+_MOST_REPEATED = 4
+
+
 class RuleTable:
     """The literals of some rules as arrays, each distinct literal once.
 
@@ -533,14 +537,31 @@ class RuleTable:
     def truth(self, rows: np.ndarray) -> np.ndarray:
         """Return (rules, n) bool: which rules are true on (n, k) samples."""
         holds = self._signed(rows) > self.threshold
-        return np.logical_and.reduceat(holds[self.places], self.starts, axis=0)
+        return self._join(np.logical_and, holds)
 
     def margins(self, rows: np.ndarray) -> np.ndarray:
         """Return (rules, n) float64: how far (n, k) samples are from making each rule true."""
         with np.errstate(invalid='ignore', over='ignore'):
             distances = (self._signed_bound - self._signed(rows)) / self._scale
         # Adding 0 leaves no minus zero.
-        return np.maximum.reduceat(distances[self.places], self.starts, axis=0) + 0.0
+        return self._join(np.maximum, distances) + 0.0
 
     def _signed(self, rows: np.ndarray) -> np.ndarray:
-        return self.sign * self._extremes.extended(rows)[self._column]
+        # Taking is several times as fast as indexing.
+        return self.sign * self._extremes.extended(rows).take(self._column, axis=0)
+
+    @cached_property
+    def _even(self) -> np.ndarray | None:
+        """(longest, rules) ``places``, those of shorter rules repeated; None if far more."""
+        lengths = np.diff(self.starts, append=len(self.places))
+        place = np.arange(lengths.max(initial=1))[:, None]
+        if place.size * lengths.size > _MOST_REPEATED * self.places.size:
+            return None
+        return self.places[self.starts + np.minimum(place, lengths - 1)]
+
+    def _join(self, call: np.ufunc, values: np.ndarray) -> np.ndarray:
+        """Return (rules, n) what a call makes of the (m, n) values of each rule's literals."""
+        if self._even is None:
+            return call.reduceat(values.take(self.places, axis=0), self.starts, axis=0)
+        # Several times as fast: reduceat needs as long for each result as for some ten numbers.
+        return call.reduce(values.take(self._even, axis=0), axis=0)

@@ -27,7 +27,7 @@ from occ_constraints_pkg.rules.verdict import Judgement, Verdict
 # Samples per block: keeps the (literals, samples) intermediates in the cache.
 _BLOCK = 1024
 # Up to this many literals times samples, one table of all is faster than columns.
-_FEW_LITERALS = 5000
+_FEW_LITERALS = 10_000
 # Up to this many literals, the margin of one sample is faster without NumPy.
 _FEW_IN_PYTHON = 250
 # NumPy compares with a plain number much faster than with an enum member.
@@ -214,7 +214,7 @@ class RuleSet:
             )
         else:
             known, margin = self._columns.margins(rows)
-        verdict = np.where(known, Verdict.SAFE, Verdict.UNKNOWN).astype(np.int8)
+        verdict = np.where(known, _SAFE, _UNKNOWN).astype(np.int8)
         rule = np.full(len(rows), -1, dtype=np.int64)
         margin[~known] = np.nan
         # The sign of a distance is that of its comparison; at 0, strictness decides.

@@ -56,7 +56,6 @@ class Highway(World):
     state_names = (
         '_rngs',
         '_steps',
-        '_number',
         *(
             f'traffic.{name}'
             for name in (
@@ -79,12 +78,6 @@ class Highway(World):
         self._rngs = robot_generators(None, num_envs)
         self._rows = np.arange(num_envs)
         self._steps = np.zeros(num_envs, dtype=np.int64)
-        self._number = np.zeros(num_envs, dtype=np.int64)
-
-    @property
-    def scenario_numbers(self) -> np.ndarray:
-        """(N,) int, the scenario that each robot is in."""
-        return self._number.copy()
 
     @property
     def steps_left(self) -> np.ndarray:
@@ -111,7 +104,6 @@ class Highway(World):
             As :meth:`reset`.
         """
         self.traffic.start(rows, [scenario(number) for number in numbers])
-        self._number[rows] = numbers
         self._steps[rows] = 0
         return self._seen()
 

@@ -83,6 +83,7 @@ def extract(
                 + (f'{pace!r}, which sets the pace' if pace else f'any of {", ".join(topics)}')
                 + f'{part.where}; allowed is one or more'
             )
+        warnings += part.time_by_stamps(str(recording.path))
         episodes += part.number_episodes(episodes, str(recording.path))
         warnings += recording.warnings
         warnings += part.unused(selection, str(recording.path))
@@ -208,6 +209,7 @@ class _CollectedRows:
         self.has_cost = False
         self.where = ''
         self._first_ns = 0
+        self._is_table = False
         self._episodes: list[np.ndarray] = []
         self._met: set[tuple[str, int]] = set()
         self._last_ns = 0
@@ -231,6 +233,7 @@ class _CollectedRows:
         origins['time_ns'] = rows.times_ns
         # Rows of a table are of one message, others of one message each.
         origins['row'] = 0 if rows.table is None else np.arange(count)
+        self._is_table = rows.table is not None
         if rows.table is not None:
             # A simulation steps faster or slower than it is recorded.
             self._first_ns = self._first_ns or int(rows.stamps_ns[0])
@@ -246,6 +249,19 @@ class _CollectedRows:
         self.origins.append(origins[used])
         self.costs.append(cost[used].astype(np.float64))
         self._episodes.append(np.stack([robots, numbers, stretches], axis=1)[used])
+
+    def time_by_stamps(self, where: str) -> list[str]:
+        """Take times from the header stamps where all rows were logged at once; say so."""
+        logged = [int(time) for times in self.times for time in (times.min(), times.max())]
+        first = min(int(stamps.min()) for stamps in self.stamps)
+        last = max(int(stamps.max()) for stamps in self.stamps)
+        if self._is_table or first == last or min(logged) != max(logged):
+            return []
+        self.times = [stamps - first for stamps in self.stamps]
+        return [
+            f'{where}: all messages that give rows have the same log time; times are those of '
+            'their header stamps'
+        ]
 
     def unused(self, selection: Selection, where: str) -> list[str]:
         """Return a sentence for each time of a manifest that makes no difference to the rows."""

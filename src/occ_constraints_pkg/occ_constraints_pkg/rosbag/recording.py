@@ -49,6 +49,8 @@ from occ_constraints_pkg.wording import count_of
 _SUFFIXES = ('.mcap', '.db3')
 # How the names of the files end that a recorder splits a recording into.
 _SPLIT = re.compile(r'_\d+$')
+# The first two bytes of a message in plain CDR, big- and little-endian.
+_CDR = (b'\0\0', b'\0\1')
 # Messages that decide by which of several definitions a topic is read.
 _EXAMPLES = 20
 # Types as ROS 2 named them before its release Dashing, without the part 'msg'.
@@ -259,6 +261,9 @@ class Recording:
         """
         store = self._store(raw.topic)
         try:
+            # The generated code looks at the order of bytes only.
+            if raw.data[:2] not in _CDR:
+                raise ValueError('another encoding')
             return store.deserialize_cdr(raw.data, raw.msgtype)
         # The generated code fails on wrong bytes in whichever way comes first.
         except Exception as error:

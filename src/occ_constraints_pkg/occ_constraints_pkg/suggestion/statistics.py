@@ -9,7 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from occ_constraints_pkg.datasets.doubts import value_doubts
 from occ_constraints_pkg.datasets.extraction import rows_of
+from occ_constraints_pkg.datasets.source_doubts import source_doubts
 from occ_constraints_pkg.errors import DataError
 from occ_constraints_pkg.features.extractor import FeatureExtractor
 from occ_constraints_pkg.features.feature_map import FeatureMap, topic_key
@@ -158,7 +160,11 @@ def map_statistics(
             _feature_statistics(source, table[:, place], when, aging[place])
             for place, source in enumerate(feature_map.features)
         ),
-        warnings=recording.warnings,
+        warnings=(
+            *recording.warnings,
+            *source_doubts(recording, feature_map),
+            *value_doubts(table, space),
+        ),
     )
 
 

@@ -13,6 +13,9 @@ from occ_constraints_pkg.features.fields import FieldReader, NotNamedError
 from occ_constraints_pkg.features.paths import Selector
 from occ_constraints_pkg.rosbag.cdr import Group, Path, read_texts
 
+# Lists of names that are remembered; robots have a few.
+_MOST_LISTS = 1000
+
 
 class NamedElements:
     """Finds numbers such as ``position[name=elbow]``, whose names are a sequence of strings.
@@ -79,6 +82,8 @@ class NamedElements:
     def _index(self, selector: Selector, data: bytes | memoryview) -> int:
         key = bytes(data)
         if key not in self._lists:
+            if len(self._lists) == _MOST_LISTS:
+                self._lists.clear()
             self._lists[key] = read_texts(key)
         names = self._lists[key]
         return names.index(selector.text) if selector.text in names else -1

@@ -11,8 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from occ_constraints_pkg.datasets.blocks import BlockExtractor, RowBlock
+from occ_constraints_pkg.datasets.clocks import DAY_NS
 from occ_constraints_pkg.datasets.dataset import ORIGIN, Dataset
 from occ_constraints_pkg.datasets.manifest import Selection, select
+from occ_constraints_pkg.datasets.source_doubts import source_doubts
 from occ_constraints_pkg.errors import DataError
 from occ_constraints_pkg.features.extractor import FeatureExtractor, FeatureRows
 from occ_constraints_pkg.features.feature_map import FeatureMap, topic_key
@@ -75,6 +77,7 @@ def extract(
             done += len(block)
             if progress is not None:
                 progress(done, total)
+        blocks.check_names()
         if not part.values:
             pace = topics.get(topic_key(feature_map.pace))
             raise DataError(
@@ -82,8 +85,12 @@ def extract(
                 + (f'{pace!r}, which sets the pace' if pace else f'any of {", ".join(topics)}')
                 + f'{part.where}; allowed is one or more'
             )
+        warnings += part.time_by_stamps(str(recording.path))
+        warnings += part.leap(str(recording.path))
         episodes += part.number_episodes(episodes, str(recording.path))
         warnings += recording.warnings
+        if part.is_mostly_missing:
+            warnings += source_doubts(recording, feature_map)
         warnings += part.unused(selection, str(recording.path))
         parts.append(part)
     costs = [cost for part in parts for cost in part.costs]
@@ -127,6 +134,7 @@ def rows_of(
             tick()
         if (rows := pusher.push(raw)) is not None:
             yield rows
+    extractor.check_names()
 
 
 class _Pusher:
@@ -138,9 +146,9 @@ class _Pusher:
 
     def push(self, raw: RawMessage) -> FeatureRows | None:
         pace = self._extractor.pace_key
-        if pace and topic_key(raw.topic) not in (pace, *self._extractor.timed):
+        if pace and topic_key(raw.topic) not in (pace, *self._extractor.listened_to):
             # Of the messages between two of the pace topic, only the last of a topic counts, but
-            # for their lateness.
+            # for their lateness and for names that not every message has.
             self._latest[raw.topic] = raw
             return None
         for message in self._latest.values():
@@ -164,7 +172,12 @@ class _MessageExtractor:
     ) -> None:
         self._recording = recording
         self._names = list(topics.values())
-        self._pusher = _Pusher(recording, FeatureExtractor(feature_map, max_lag))
+        self._extractor = FeatureExtractor(feature_map, max_lag)
+        self._pusher = _Pusher(recording, self._extractor)
+
+    def check_names(self) -> None:
+        """Do nothing if all names that the map asks for have come; see `FeatureExtractor`."""
+        self._extractor.check_names()
 
     def rows(self, block: Block) -> Iterator[RowBlock]:
         """Yield the rows that each message gives."""
@@ -201,6 +214,7 @@ class _CollectedRows:
         self.has_cost = False
         self.where = ''
         self._first_ns = 0
+        self._is_table = False
         self._episodes: list[np.ndarray] = []
         self._met: set[tuple[str, int]] = set()
         self._last_ns = 0
@@ -224,6 +238,7 @@ class _CollectedRows:
         origins['time_ns'] = rows.times_ns
         # Rows of a table are of one message, others of one message each.
         origins['row'] = 0 if rows.table is None else np.arange(count)
+        self._is_table = rows.table is not None
         if rows.table is not None:
             # A simulation steps faster or slower than it is recorded.
             self._first_ns = self._first_ns or int(rows.stamps_ns[0])
@@ -239,6 +254,37 @@ class _CollectedRows:
         self.origins.append(origins[used])
         self.costs.append(cost[used].astype(np.float64))
         self._episodes.append(np.stack([robots, numbers, stretches], axis=1)[used])
+
+    def leap(self, where: str) -> list[str]:
+        """Return a sentence if a stamp leaps ahead by more than a day, as a clock that is set."""
+        stamps = np.concatenate(self.stamps)
+        steps = np.diff(stamps)
+        if self._is_table or not len(steps) or steps.max() <= DAY_NS:
+            return []
+        at = int(steps.argmax())
+        return [
+            f'{where}: the stamps leap ahead by {steps[at] / DAY_NS:.3g} days after '
+            f'{(stamps[at] - stamps[0]) * 1e-9:.3g} s'
+        ]
+
+    @property
+    def is_mostly_missing(self) -> bool:
+        """Whether some feature is missing in most rows, for which there must be a reason."""
+        missing = sum(np.isnan(values).sum(axis=0) for values in self.values)
+        return bool((missing > sum(map(len, self.values)) / 2).any())
+
+    def time_by_stamps(self, where: str) -> list[str]:
+        """Take times from the header stamps where all rows were logged at once; say so."""
+        logged = [int(time) for times in self.times for time in (times.min(), times.max())]
+        first = min(int(stamps.min()) for stamps in self.stamps)
+        last = max(int(stamps.max()) for stamps in self.stamps)
+        if self._is_table or first == last or min(logged) != max(logged):
+            return []
+        self.times = [stamps - first for stamps in self.stamps]
+        return [
+            f'{where}: all messages that give rows have the same log time; times are those of '
+            'their header stamps'
+        ]
 
     def unused(self, selection: Selection, where: str) -> list[str]:
         """Return a sentence for each time of a manifest that makes no difference to the rows."""

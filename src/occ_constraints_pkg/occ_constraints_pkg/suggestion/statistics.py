@@ -4,16 +4,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
+from occ_constraints_pkg.datasets.doubts import value_doubts
 from occ_constraints_pkg.datasets.extraction import rows_of
+from occ_constraints_pkg.datasets.source_doubts import source_doubts
 from occ_constraints_pkg.errors import DataError
 from occ_constraints_pkg.features.extractor import FeatureExtractor
 from occ_constraints_pkg.features.feature_map import FeatureMap, topic_key
-from occ_constraints_pkg.features.sources import FeatureSource
+from occ_constraints_pkg.features.sources import FeatureSource, Reading
 from occ_constraints_pkg.rosbag.recording import Recording
 
 # A feature that cannot be judged in more than this share of the rows is a problem.
@@ -116,23 +118,37 @@ def map_statistics(
             progress(done, total)
 
     extractor = FeatureExtractor(feature_map)
-    topics = [topic for topic in feature_map.topics if topic_key(topic) != extractor.pace_key]
     values, stamps, ages = [], [], []
     for rows in rows_of(recording, extractor, tick):
         if rows.repeat or not len(rows.values):
             continue
         values.append(rows.values)
         stamps.append(np.full(len(rows.values), rows.stamp_ns, dtype=np.int64))
-        age = extractor.ages_ns()
-        row = [np.nan if age[topic] is None else float(age[topic]) for topic in topics]
-        ages.append(np.broadcast_to(row, (len(rows.values), len(topics))))
+        row = [np.nan if age is None else float(age) for age in extractor.ages_ns()]
+        ages.append(np.broadcast_to(row, (len(rows.values), len(row))))
     if not values:
         raise DataError(
             f'{recording.path} gives no row: nothing came on '
             f'{feature_map.pace or ", ".join(feature_map.topics)}'
         )
     table, when = np.concatenate(values), np.concatenate(stamps)
-    age = dict(zip(map(topic_key, topics), np.concatenate(ages).T, strict=True))
+    age, allowed = (
+        np.concatenate(ages),
+        [feature_map.max_age_ns(reading) for _, reading in feature_map.readings],
+    )
+    subtracted = iter(range(len(feature_map.features), len(feature_map.readings)))
+    # Of each feature, age and greatest age of each of its readings.
+    aging = [
+        [
+            (reading, age[:, at], allowed[at])
+            for reading, at in zip(
+                source.readings,
+                [place] if source.minus is None else [place, next(subtracted)],
+                strict=True,
+            )
+        ]
+        for place, source in enumerate(feature_map.features)
+    ]
     space = feature_map.space
     usable = ((table >= space.lows) & (table <= space.highs) & np.isfinite(table)).all(axis=1)
     return MapStatistics(
@@ -141,12 +157,14 @@ def map_statistics(
         usable=float(usable.mean()),
         clock_jumps=int(np.count_nonzero(np.diff(when) < 0)),
         features=tuple(
-            _feature_statistics(
-                source, table[:, place], when, age, round(feature_map.max_age * 1e9)
-            )
+            _feature_statistics(source, table[:, place], when, aging[place])
             for place, source in enumerate(feature_map.features)
         ),
-        warnings=recording.warnings,
+        warnings=(
+            *recording.warnings,
+            *source_doubts(recording, feature_map),
+            *value_doubts(table, space),
+        ),
     )
 
 
@@ -154,24 +172,22 @@ def _feature_statistics(
     source: FeatureSource,
     values: np.ndarray,
     stamps_ns: np.ndarray,
-    ages_ns: dict[str, np.ndarray],
-    max_age_ns: int,
+    aging: list[tuple[Reading, np.ndarray, int]],
 ) -> FeatureStatistics:
     missing = ~np.isfinite(values)
     outside = ~missing & ((values < source.low) | (values > source.high))
     good = values[~missing & ~outside]
     low, median, high = np.percentile(good, [0, 50, 100]) if good.size else [np.nan] * 3
-    readings = [source.reading, *filter(None, [source.minus])]
     stale = np.zeros(len(values), dtype=bool)
-    for key in {topic_key(reading.topic) for reading in readings} & ages_ns.keys():
-        stale |= ~(ages_ns[key] <= max_age_ns)
+    for _, ages_ns, max_age_ns in aging:
+        stale |= ~(ages_ns <= max_age_ns)
     problem = ''
     bad = np.flatnonzero(missing | outside)
     if bad.size:
         row = bad[0]
         problem = f'{(stamps_ns[row] - stamps_ns[0]) * 1e-9:.2f} s: '
-        ages = {key: float(age[row]) for key, age in ages_ns.items()}
-        problem += _reason(source, float(values[row]), ages, max_age_ns)
+        ages = [(reading, float(age[row]), allowed) for reading, age, allowed in aging]
+        problem += _reason(source, float(values[row]), ages)
     return FeatureStatistics(
         source=source,
         low=float(low),
@@ -187,12 +203,13 @@ def _feature_statistics(
     )
 
 
-def _reason(source: FeatureSource, value: float, ages_ns: dict[str, float], max_age_ns: int) -> str:
+def _reason(
+    source: FeatureSource, value: float, aging: Iterable[tuple[Reading, float, int]]
+) -> str:
     """Say in words why a value cannot be judged."""
     if np.isfinite(value):
         return f'{value:g} is outside the bounds [{source.low:g}, {source.high:g}]'
-    for reading in filter(None, (source.reading, source.minus)):
-        age = ages_ns.get(topic_key(reading.topic), 0.0)
+    for reading, age, max_age_ns in aging:
         if np.isnan(age):
             return f'no message on {reading.topic} yet'
         if age > max_age_ns:

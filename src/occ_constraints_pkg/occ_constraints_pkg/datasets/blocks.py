@@ -10,7 +10,7 @@ transform or a damaged message, is decoded and read one message at a time.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -32,12 +32,14 @@ class RowBlock:
         stamps_ns: (n,) header stamps, or arrivals where there are none.
         times_ns: (n,) when the pace messages were logged.
         table: the pace message as a table, when it is one.
+        messages: (n,) numbers of the pace messages in the block; empty for tables.
     """
 
     values: np.ndarray
     stamps_ns: np.ndarray
     times_ns: np.ndarray
     table: Table | None = None
+    messages: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=np.intp))
 
 
 class BlockExtractor:
@@ -114,7 +116,8 @@ class BlockExtractor:
         values = self._transform(read, read_stamps, np.where(stamps == 0, times, stamps))
         values[self._set_back(stamps, times) | self._late(block, paces)] = np.nan
         news = ~self._repeats(values, stamps)
-        yield RowBlock(values[news], np.where(stamps == 0, times, stamps)[news], times[news])
+        row_times = np.where(stamps == 0, times, stamps)
+        yield RowBlock(values[news], row_times[news], times[news], messages=paces[news])
 
     def _transform(
         self, read: np.ndarray, read_stamps: np.ndarray, row_times: np.ndarray

@@ -4,17 +4,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
+from occ_constraints_pkg.datasets.blocks import BlockExtractor
 from occ_constraints_pkg.datasets.extraction import rows_of
+from occ_constraints_pkg.datasets.topic_columns import TopicColumns
 from occ_constraints_pkg.errors import DataError
 from occ_constraints_pkg.features.extractor import FeatureExtractor
 from occ_constraints_pkg.features.feature_map import FeatureMap, topic_key
 from occ_constraints_pkg.features.sources import FeatureSource
 from occ_constraints_pkg.rosbag.recording import Recording
+from occ_constraints_pkg.rosbag.storage import Block
 
 # A feature that cannot be judged in more than this share of the rows is a problem.
 TOLERATED_SHARE = 0.05
@@ -28,6 +31,7 @@ class FeatureStatistics:
         source: the feature.
         low: smallest value that can be judged; NaN where there is none.
         median: median of those.
+        size: median of their absolute values.
         high: largest of those.
         missing: share of the rows in which the value is missing or not finite.
         outside: share of the rows in which it is outside its physical bounds.
@@ -41,6 +45,7 @@ class FeatureStatistics:
     source: FeatureSource
     low: float
     median: float
+    size: float
     high: float
     missing: float
     outside: float
@@ -89,6 +94,48 @@ class MapStatistics:
         return self.clock_jumps > 0 or any(item.is_problem for item in self.features)
 
 
+@dataclass(frozen=True, eq=False)
+class MapRows:
+    """The features of a recording, row by row.
+
+    Attributes:
+        feature_map: what was computed.
+        values: (n, k) float64.
+        stamps_ns: (n,) the rows' times.
+        ages_ns: by topic without leading slash, for each row the distance to the topic's latest
+            message, in ns; NaN before the first one.
+        warnings: see :class:`MapStatistics`.
+    """
+
+    feature_map: FeatureMap
+    values: np.ndarray
+    stamps_ns: np.ndarray
+    ages_ns: dict[str, np.ndarray]
+    warnings: tuple[str, ...]
+
+    def statistics(self) -> MapStatistics:
+        """Return the statistics of all features."""
+        space, when = self.feature_map.space, self.stamps_ns
+        inside = (self.values >= space.lows) & (self.values <= space.highs)
+        return MapStatistics(
+            rows=len(self.values),
+            duration_s=float(when.max() - when.min()) * 1e-9,
+            usable=float((inside & np.isfinite(self.values)).all(axis=1).mean()),
+            clock_jumps=int(np.count_nonzero(np.diff(when) < 0)),
+            features=tuple(
+                _feature_statistics(
+                    source,
+                    self.values[:, place],
+                    when,
+                    self.ages_ns,
+                    round(self.feature_map.max_age * 1e9),
+                )
+                for place, source in enumerate(self.feature_map.features)
+            ),
+            warnings=self.warnings,
+        )
+
+
 def map_statistics(
     recording: Recording,
     feature_map: FeatureMap,
@@ -105,8 +152,55 @@ def map_statistics(
     Raises:
         OccError: the recording cannot be read, lacks what the map asks for, or gives no row.
     """
-    names = [recording.find(topic_key(topic)) for topic in feature_map.topics]
-    total = sum(recording.topics[name].count for name in names)
+    return map_rows(recording, feature_map, progress=progress).statistics()
+
+
+def map_rows(
+    recording: Recording,
+    feature_map: FeatureMap,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> MapRows:
+    """Compute the features of a recording.
+
+    Args and Raises: see :func:`map_statistics`.
+    """
+    topics = {
+        topic_key(name): recording.find(topic_key(name)) for name in feature_map.topics
+    }
+    total, done = sum(recording.topics[name].count for name in topics.values()), 0
+    parts: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+    if BlockExtractor.reads(recording, topics, feature_map):
+        extractor = BlockExtractor(recording, topics, feature_map)
+        ages = _Ages(recording, list(topics.values()))
+        for block in recording.blocks(list(topics.values())):
+            for found in extractor.rows(block):
+                parts.append((found.values, found.stamps_ns, ages.of(block, found.messages)))
+            done += len(block)
+            if progress is not None:
+                progress(done, total)
+    else:
+        parts = list(_one_by_one(recording, feature_map, total, progress))
+    if not sum(len(values) for values, _, _ in parts):
+        raise DataError(
+            f'{recording.path} gives no row: nothing came on '
+            f'{feature_map.pace or ", ".join(feature_map.topics)}'
+        )
+    values, stamps, age = (np.concatenate(column) for column in zip(*parts, strict=True))
+    pace = topic_key(feature_map.pace)
+    others = [key for key in topics if key != pace]
+    return MapRows(
+        feature_map, values, stamps, dict(zip(others, age.T, strict=True)), recording.warnings
+    )
+
+
+def _one_by_one(
+    recording: Recording,
+    feature_map: FeatureMap,
+    total: int,
+    progress: Callable[[int, int], None] | None,
+) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Yield values, stamps and ages of a map of tables, or of a fixed rate."""
     done = 0
 
     def tick() -> None:
@@ -117,37 +211,45 @@ def map_statistics(
 
     extractor = FeatureExtractor(feature_map)
     topics = [topic for topic in feature_map.topics if topic_key(topic) != extractor.pace_key]
-    values, stamps, ages = [], [], []
     for rows in rows_of(recording, extractor, tick):
-        if rows.repeat or not len(rows.values):
-            continue
-        values.append(rows.values)
-        stamps.append(np.full(len(rows.values), rows.stamp_ns, dtype=np.int64))
-        age = extractor.ages_ns()
-        row = [np.nan if age[topic] is None else float(age[topic]) for topic in topics]
-        ages.append(np.broadcast_to(row, (len(rows.values), len(topics))))
-    if not values:
-        raise DataError(
-            f'{recording.path} gives no row: nothing came on '
-            f'{feature_map.pace or ", ".join(feature_map.topics)}'
-        )
-    table, when = np.concatenate(values), np.concatenate(stamps)
-    age = dict(zip(map(topic_key, topics), np.concatenate(ages).T, strict=True))
-    space = feature_map.space
-    usable = ((table >= space.lows) & (table <= space.highs) & np.isfinite(table)).all(axis=1)
-    return MapStatistics(
-        rows=len(table),
-        duration_s=float(when.max() - when.min()) * 1e-9,
-        usable=float(usable.mean()),
-        clock_jumps=int(np.count_nonzero(np.diff(when) < 0)),
-        features=tuple(
-            _feature_statistics(
-                source, table[:, place], when, age, round(feature_map.max_age * 1e9)
+        count = len(rows.values)
+        if not rows.repeat and count:
+            age = extractor.ages_ns()
+            row = [np.nan if age[topic] is None else float(age[topic]) for topic in topics]
+            yield (
+                rows.values,
+                np.full(count, rows.stamp_ns, dtype=np.int64),
+                np.broadcast_to(row, (count, len(topics))),
             )
-            for place, source in enumerate(feature_map.features)
-        ),
-        warnings=recording.warnings,
-    )
+
+
+class _Ages:
+    """How old the latest messages of topics are at those of the first of them, block by block."""
+
+    def __init__(self, recording: Recording, topics: list[str]) -> None:
+        self._columns = [TopicColumns(recording, topic, ()) for topic in topics]
+        # Stamp and arrival of each topic's last message.
+        self._last: list[tuple[int, int] | None] = [None] * len(topics)
+
+    def of(self, block: Block, messages: np.ndarray) -> np.ndarray:
+        """Return the (n, other topics) ages in ns; NaN before a topic's first message."""
+        stamps, times = self._columns[0].read(block, messages)[1], block.times[messages]
+        ages = np.full((len(messages), len(self._columns) - 1), np.nan)
+        for number in range(1, len(self._columns)):
+            rows = np.flatnonzero(block.topics == number)
+            own = self._columns[number].read(block, rows)[1], block.times[rows]
+            last = self._last[number]
+            latest = np.searchsorted(rows, messages) - 1 + (last is not None)
+            if last is not None:
+                own = np.append(last[0], own[0]), np.append(last[1], own[1])
+            if len(own[0]):
+                is_there = latest >= 0
+                stamp, time = own[0][latest], own[1][latest]
+                by_arrival = (stamps == 0) | (stamp == 0)
+                age = np.abs(np.where(by_arrival, times - time, stamps - stamp))
+                ages[:, number - 1] = np.where(is_there, age, np.nan)
+                self._last[number] = int(own[0][-1]), int(own[1][-1])
+        return ages
 
 
 def _feature_statistics(
@@ -176,6 +278,7 @@ def _feature_statistics(
         source=source,
         low=float(low),
         median=float(median),
+        size=float(np.median(np.abs(good))) if good.size else np.nan,
         high=float(high),
         missing=float(missing.mean()),
         outside=float(outside.mean()),

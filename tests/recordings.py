@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.writer import Writer
 from occ_constraints_pkg.features.table import Table
 from occ_constraints_pkg.rosbag.writer import BagWriter
 from rosbags.typesys import Stores, get_typestore
@@ -50,9 +51,9 @@ class Messages:
         time = self.types['builtin_interfaces/msg/Time'](*divmod(stamp_ns, 10**9))
         return self.types['std_msgs/msg/Header'](time, frame)
 
-    def scan(self, ranges, *, stamp_ns=0, range_max=4.0, first=0.0, step=0.1):
+    def scan(self, ranges, *, stamp_ns=0, least=0.1, range_max=4.0, first=0.0, step=0.1):
         return self.types['sensor_msgs/msg/LaserScan'](
-            self.header(stamp_ns), first, 1.0, step, 0.0, 0.0, 0.1, range_max,
+            self.header(stamp_ns), first, 1.0, step, 0.0, 0.0, least, range_max,
             np.array(ranges, dtype=np.float32), np.array([], dtype=np.float32),
         )  # fmt: skip
 
@@ -93,6 +94,23 @@ class Messages:
             self.header(stamp_ns), 1, rows, [field(*item) for item in table.layout], False,
             size, size * rows, np.frombuffer(table.packed(), dtype=np.uint8), True,
         )  # fmt: skip
+
+
+def write_typed(path, store, entries):
+    """Write ``(topic, message, time)`` triples of any types that a store knows to an MCAP file."""
+    with path.open('wb') as stream:
+        writer, channels = Writer(stream), {}
+        writer.start('ros2')
+        for topic, message, time in entries:
+            name = message.__msgtype__
+            if topic not in channels:
+                text, _ = store.generate_msgdef(name, ros_version=2)
+                schema = writer.register_schema(name, 'ros2msg', text.encode())
+                channels[topic] = writer.register_channel(topic, 'cdr', schema)
+            data = bytes(store.serialize_cdr(message, name))
+            writer.add_message(channels[topic], time, data, time)
+        writer.finish()
+    return path
 
 
 @pytest.fixture(scope='session')

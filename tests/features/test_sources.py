@@ -119,7 +119,7 @@ def test_a_name_alone_is_one_step():
         ('sectors: 4', 'sectors: 1', 'sectors: got 1; allowed is a number of at least 2'),
         ('sectors: 4', 'sectors: 9, degrees: [0, 8]', 'sectors of at least 1 degree'),
         ('minus: {topic: odom', 'minus: {topik: odom', "did you mean 'topic'?"),
-        ('imu, field: orientation|yaw', 'imu, field: x|abs', "minus: got the step 'abs'"),
+        ('imu, field: orientation|yaw', 'imu, field: x|abz', "minus.field: got '|abz'; did"),
         (
             'pace: scan',
             'pace: {rate: 0}',

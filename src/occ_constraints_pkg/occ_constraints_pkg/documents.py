@@ -33,6 +33,8 @@ from occ_constraints_pkg.files import DOCUMENT_BYTES, read_bytes
 
 # Three for each split of the deepest tree, plus some.
 _MOST_LEVELS = 350
+_PATH = re.compile(r'((?:\.?\w+|\[\d+\])+): ')
+_PATH_STEP = re.compile(r'\.?([A-Za-z_]\w*)|\[(\d+)\]')
 _SURROGATE = re.compile(r'[\ud800-\udfff]')
 
 
@@ -125,9 +127,26 @@ def validate(
     sentence = _sentence(error)
     if error in unknown:
         path.append(_unknown_keys(error)[0])
+    raise ConfigurationError(f'{_place(where, text, path)}: {_key_path(path)}{sentence}')
+
+
+def with_line(sentence: str, where: str, text: str | None) -> str:
+    """Return a sentence that begins with a path such as ``features[2].unit: `` with its line.
+
+    Args:
+        sentence: see above; without a path it is about the whole document.
+        where: what it calls the document.
+        text: the YAML text the document came from, to name the line; None where it is not known.
+    """
+    found = _PATH.match(sentence)
+    steps = _PATH_STEP.findall(found[1]) if found else []
+    path = [int(index) if index else key for key, index in steps]
+    return f'{_place(where, text, path)}: {sentence}'
+
+
+def _place(where: str, text: str | None, path: Sequence[str | int]) -> str:
     line = None if text is None else _line(text, path)
-    place = where if line is None else f'{where}, line {line}'
-    raise ConfigurationError(f'{place}: {_key_path(path)}{sentence}')
+    return where if line is None else f'{where}, line {line}'
 
 
 def _key_path(path: Iterable[str | int]) -> str:
@@ -313,13 +332,16 @@ def _line(text: str, path: Sequence[str | int]) -> int | None:
     try:
         node = _yaml().compose(text)
         line = node.start_mark.line
-        for step in path:
+    except (YAMLError, AttributeError):
+        return None
+    for step in path:
+        try:
             if isinstance(step, int):
                 node = node.value[step]
                 line = node.start_mark.line
             else:
                 key, node = next(pair for pair in node.value if pair[0].value == str(step))
                 line = key.start_mark.line
-    except (YAMLError, AttributeError, IndexError, StopIteration, TypeError):
-        return None
+        except (AttributeError, IndexError, StopIteration, TypeError):
+            break
     return line + 1

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from occ_constraints_pkg.datasets.topic_columns import TopicColumns
-from occ_constraints_pkg.features.feature_map import FeatureMap, topic_key
+from occ_constraints_pkg.features.feature_map import Channel, FeatureMap, topic_key
 from occ_constraints_pkg.features.lateness import lateness_of
 from occ_constraints_pkg.features.table import Table
 from occ_constraints_pkg.features.transforms import RowTransforms
@@ -32,14 +32,15 @@ class RowBlock:
         stamps_ns: (n,) header stamps, or arrivals where there are none.
         times_ns: (n,) when the pace messages were logged.
         table: the pace message as a table, when it is one.
-        messages: (n,) numbers of the pace messages in the block; empty for tables.
+        ages_ns: (n, readings) how far each reading's message is from the row, in ns; NaN before
+            the first one. Empty where it was not asked for.
     """
 
     values: np.ndarray
     stamps_ns: np.ndarray
     times_ns: np.ndarray
     table: Table | None = None
-    messages: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=np.intp))
+    ages_ns: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
 
 
 class BlockExtractor:
@@ -51,6 +52,7 @@ class BlockExtractor:
             in the order of the blocks' numbers.
         feature_map: what to compute; :meth:`reads` must say that it can be.
         max_lag: see :class:`~occ_constraints_pkg.features.extractor.FeatureExtractor`.
+        with_ages: whether rows tell how old their values are.
     """
 
     def __init__(
@@ -59,18 +61,16 @@ class BlockExtractor:
         topics: dict[str, str],
         feature_map: FeatureMap,
         max_lag: float = 0.0,
+        *,
+        with_ages: bool = False,
     ) -> None:
-        readings = feature_map.readings
-        self._width = len(readings)
+        self._with_ages = with_ages
+        self._width = len(feature_map.readings)
         self._max_age_ns = round(feature_map.max_age * 1e9)
         self._transforms = RowTransforms(feature_map)
-        self._readers = []
-        for key, name in topics.items():
-            places = [
-                place for place, (_, item) in enumerate(readings) if topic_key(item.topic) == key
-            ]
-            own = [readings[place] for place in places]
-            self._readers.append((places, TopicColumns(recording, name, own)))
+        self._channels = [
+            _Channel(item, recording, topics, feature_map) for item in feature_map.channels
+        ]
         self._max_lag_ns = round(max_lag * 1e9)
         lateness = lateness_of(feature_map, self._max_lag_ns)
         # Of each topic, what reads its stamps alone, and whether its last message came too late.
@@ -80,7 +80,6 @@ class BlockExtractor:
             if lateness
         ]
         self._was_late = [False] * len(self._timed)
-        self._latest: list[_LatestValues | None] = [None] * len(self._readers)
         self._last: tuple[int, np.ndarray] | None = None
         # Stamp and arrival of the last pace message.
         self._before: tuple[int, int] | None = None
@@ -104,20 +103,23 @@ class BlockExtractor:
             OccError: a message is damaged, or lacks a field that the map asks for.
         """
         paces = np.flatnonzero(block.topics == 0)
-        places, columns = self._readers[0]
-        own, stamps = columns.read(block, paces)
+        pace, *others = self._channels
+        own, stamps = pace.columns.read(block, paces)
         times = block.times[paces]
         read = np.full((len(paces), self._width), np.nan)
         # Header stamps of what is read, 0 for none.
         read_stamps = np.zeros(read.shape, dtype=np.int64)
-        read[:, places], read_stamps[:, places] = own, stamps[:, None]
-        for number in range(1, len(self._readers)):
-            self._fill(read, read_stamps, number, block, paces, stamps)
+        read[:, pace.places], read_stamps[:, pace.places] = own, stamps[:, None]
+        ages = np.zeros((len(paces), self._width if self._with_ages else 0))
+        for channel in others:
+            own_ages = channel.fill(read, read_stamps, block, paces, stamps)
+            if self._with_ages:
+                ages[:, channel.places] = own_ages[:, None]
         values = self._transform(read, read_stamps, np.where(stamps == 0, times, stamps))
         values[self._set_back(stamps, times) | self._late(block, paces)] = np.nan
         news = ~self._repeats(values, stamps)
         row_times = np.where(stamps == 0, times, stamps)
-        yield RowBlock(values[news], row_times[news], times[news], messages=paces[news])
+        yield RowBlock(values[news], row_times[news], times[news], ages_ns=ages[news])
 
     def _transform(
         self, read: np.ndarray, read_stamps: np.ndarray, row_times: np.ndarray
@@ -133,45 +135,15 @@ class BlockExtractor:
         ]
         return np.concatenate(rows) if rows else self._transforms.apply(read, (), 0)
 
-    def _fill(
-        self,
-        values: np.ndarray,
-        value_stamps: np.ndarray,
-        number: int,
-        block: Block,
-        paces: np.ndarray,
-        stamps: np.ndarray,
-    ) -> None:
-        """Put a topic's latest values into the rows, from its last message before each of them."""
-        places, columns = self._readers[number]
-        rows = np.flatnonzero(block.topics == number)
-        latest = np.searchsorted(rows, paces) - 1
-        # The block's last message is the latest value when the next block begins.
-        used = np.unique(np.append(latest[latest >= 0], len(rows) - 1)) if len(rows) else rows
-        read, read_stamps = columns.read(block, rows[used])
-        read_times = block.times[rows[used]]
-        latest_values = self._latest[number]
-        if latest_values is None:
-            latest_values = _LatestValues(np.full(len(places), np.nan), 0, 0)
-            # No age is allowed of what is not there.
-            allowed = np.where(latest < 0, -1, self._max_age_ns)
-        else:
-            allowed = np.full(len(latest), self._max_age_ns)
-        at = np.where(latest < 0, 0, 1 + np.searchsorted(used, latest))
-        either = np.vstack([latest_values.values, read])
-        other_stamps = np.append(latest_values.stamp, read_stamps)[at]
-        other_times = np.append(latest_values.time, read_times)[at]
-        by_arrival = (stamps == 0) | (other_stamps == 0)
-        ages = np.where(by_arrival, block.times[paces] - other_times, stamps - other_stamps)
-        fresh = np.abs(ages) <= allowed
-        taken = either[at]
-        taken[~fresh] = np.nan
-        values[:, places] = taken
-        value_stamps[:, places] = np.where(fresh, other_stamps, 0)[:, None]
-        if len(rows):
-            self._latest[number] = _LatestValues(
-                read[-1], int(read_stamps[-1]), int(read_times[-1])
-            )
+    def check_names(self) -> None:
+        """Do nothing if all names that the map asks for have come, in topics that have.
+
+        Raises:
+            DataError: one has not.
+        """
+        for channel in self._channels:
+            if channel.columns.unnamed is not None:
+                raise channel.columns.unnamed
 
     def _set_back(self, stamps: np.ndarray, times: np.ndarray) -> np.ndarray:
         """Return (m,) whether time went back at a pace message by more than a value may age."""
@@ -211,9 +183,82 @@ class BlockExtractor:
         return repeat
 
 
+class _Channel:
+    """One channel of a map in a recording's blocks, with its latest values.
+
+    Attributes:
+        places: indices of its readings among those of the map.
+        columns: reads them.
+    """
+
+    def __init__(
+        self,
+        channel: Channel,
+        recording: Recording,
+        topics: dict[str, str],
+        feature_map: FeatureMap,
+    ) -> None:
+        self.places = list(channel.places)
+        own = [feature_map.readings[place] for place in self.places]
+        self.columns = TopicColumns(recording, topics[channel.key], own)
+        self._channel = channel
+        self._number = list(topics).index(channel.key)
+        self._latest: _LatestValues | None = None
+
+    def fill(
+        self,
+        values: np.ndarray,
+        value_stamps: np.ndarray,
+        block: Block,
+        paces: np.ndarray,
+        stamps: np.ndarray,
+    ) -> np.ndarray:
+        """Put the latest values into the rows, from the last message up to each of them.
+
+        Returns:
+            (n,) how old they are in ns; NaN before the first message.
+        """
+        rows = np.flatnonzero(block.topics == self._number)
+        named = None
+        if self._channel.names:
+            named = self.columns.read_named(block, rows)
+            rows = rows[named[2]]
+        latest = np.searchsorted(rows, paces, side='right') - 1
+        if named is not None:
+            used = np.arange(len(rows))
+            read, read_stamps = (part[named[2]] for part in named[:2])
+        else:
+            # The block's last message is the latest value when the next block begins.
+            last = len(rows) - 1
+            used = np.unique(np.append(latest[latest >= 0], last)) if len(rows) else rows
+            read, read_stamps = self.columns.read(block, rows[used])
+        read_times = block.times[rows[used]]
+        before, max_age_ns = self._latest, self._channel.max_age_ns
+        if before is None:
+            before = _LatestValues(np.full(len(self.places), np.nan), 0, 0)
+            # No age is allowed of what is not there.
+            allowed = np.where(latest < 0, -1, max_age_ns)
+        else:
+            allowed = np.full(len(latest), max_age_ns)
+        at = np.where(latest < 0, 0, 1 + np.searchsorted(used, latest))
+        either = np.vstack([before.values, read])
+        other_stamps = np.append(before.stamp, read_stamps)[at]
+        other_times = np.append(before.time, read_times)[at]
+        by_arrival = (stamps == 0) | (other_stamps == 0) | self._channel.is_by_arrival
+        ages = np.where(by_arrival, block.times[paces] - other_times, stamps - other_stamps)
+        fresh = np.abs(ages) <= allowed
+        taken = either[at]
+        taken[~fresh] = np.nan
+        values[:, self.places] = taken
+        value_stamps[:, self.places] = np.where(fresh, other_stamps, 0)[:, None]
+        if len(rows):
+            self._latest = _LatestValues(read[-1], int(read_stamps[-1]), int(read_times[-1]))
+        return np.where(allowed < 0, np.nan, np.abs(ages))
+
+
 @dataclass(frozen=True, eq=False)
 class _LatestValues:
-    """A topic's last message: its values, stamp (0 for none) and arrival."""
+    """A channel's last message: its values, stamp (0 for none) and arrival."""
 
     values: np.ndarray
     stamp: int

@@ -75,6 +75,7 @@ def extract(
             done += len(block)
             if progress is not None:
                 progress(done, total)
+        blocks.check_names()
         if not part.values:
             pace = topics.get(topic_key(feature_map.pace))
             raise DataError(
@@ -127,6 +128,7 @@ def rows_of(
             tick()
         if (rows := pusher.push(raw)) is not None:
             yield rows
+    extractor.check_names()
 
 
 class _Pusher:
@@ -138,9 +140,9 @@ class _Pusher:
 
     def push(self, raw: RawMessage) -> FeatureRows | None:
         pace = self._extractor.pace_key
-        if pace and topic_key(raw.topic) not in (pace, *self._extractor.timed):
+        if pace and topic_key(raw.topic) not in (pace, *self._extractor.listened_to):
             # Of the messages between two of the pace topic, only the last of a topic counts, but
-            # for their lateness.
+            # for their lateness and for names that not every message has.
             self._latest[raw.topic] = raw
             return None
         for message in self._latest.values():
@@ -164,7 +166,12 @@ class _MessageExtractor:
     ) -> None:
         self._recording = recording
         self._names = list(topics.values())
-        self._pusher = _Pusher(recording, FeatureExtractor(feature_map, max_lag))
+        self._extractor = FeatureExtractor(feature_map, max_lag)
+        self._pusher = _Pusher(recording, self._extractor)
+
+    def check_names(self) -> None:
+        """Do nothing if all names that the map asks for have come; see `FeatureExtractor`."""
+        self._extractor.check_names()
 
     def rows(self, block: Block) -> Iterator[RowBlock]:
         """Yield the rows that each message gives."""

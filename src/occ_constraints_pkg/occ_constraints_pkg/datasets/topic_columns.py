@@ -4,30 +4,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from occ_constraints_pkg.datasets.named_elements import NamedElements
 from occ_constraints_pkg.features.fields import (
     GEOMETRY,
-    LIMITS,
+    GREATEST,
+    LEAST,
     FieldReader,
     MessageReader,
+    NotNamedError,
     header_stamp_ns,
+    is_plain_count,
+    resolve_path,
     split_readings,
 )
 from occ_constraints_pkg.features.reductions import (
     ArrayReductions,
+    RangeRule,
+    angle_of,
+    angle_parts,
     fill_unmeasured,
-    yaw_angle,
-    yaw_vector,
 )
-from occ_constraints_pkg.features.sources import Reading
+from occ_constraints_pkg.features.sources import ANGLES, Reading
 from occ_constraints_pkg.rosbag.cdr import CdrFields, Group, Path, UnreadableError
 from occ_constraints_pkg.rosbag.recording import Recording
 from occ_constraints_pkg.rosbag.storage import Block
 
+_LIMITS = ('least', 'greatest')
 _STAMP = (('header', 'stamp', 'sec'), ('header', 'stamp', 'nanosec'))
 
 
@@ -38,6 +45,10 @@ class TopicColumns:
         recording: where the topic's type is defined.
         topic: its name in the recording.
         readings: ``(feature, reading)`` for each number; each reading has a field.
+
+    Attributes:
+        unnamed: what the last message lacked of the names that are asked for, as long as no
+            message has had them; else None.
     """
 
     def __init__(
@@ -49,35 +60,64 @@ class TopicColumns:
         self._scalars, arrays = split_readings(readings)
         # With the index of the array's path.
         self._arrays = [(members[0][0], ArrayReductions(members)) for members in arrays]
+        self.unnamed: NotNamedError | None = None
+        self._is_named = False
         definitions = recording.fields(topic)
-        msgtype = recording.topics[topic].msgtype
-        paths: list[Path] = [reader.path for reader in self._readers]
+        self._msgtype = recording.topics[topic].msgtype
+        names = {
+            name: _part_names(definitions, argument)
+            for name, argument in _fields_of(definitions, self._msgtype)
+        }
+        paths: list[Path] = [
+            resolve_path(reader.path, self._msgtype, names) for reader in self._readers
+        ]
+        self._named = NamedElements(definitions, self._msgtype, paths, self._readers)
         self._at: dict[str, int] = {}
 
-        def ask(name: str, path: Path) -> None:
+        def ask(name: str, *path: str) -> None:
             self._at[name] = len(paths)
             paths.append(path)
 
-        if _has_stamp(definitions, msgtype):
-            ask('seconds', _STAMP[0])
-            ask('rest', _STAMP[1])
-        names = {name for name, _ in definitions[msgtype][1]} if msgtype in definitions else set()
-        if any(reading.missing == 'max_range' for _, reading in readings):
-            ask('limit', (next((name for name in LIMITS if name in names), LIMITS[0]),))
-        if any(reading.degrees is not None for _, reading in readings):
-            ask('first', (GEOMETRY[0],))
-            ask('step', (GEOMETRY[1],))
+        if _has_stamp(definitions, self._msgtype):
+            ask('seconds', *_STAMP[0])
+            ask('rest', *_STAMP[1])
+        rules = {RangeRule.of(reading) for _, reading in readings}
+        for key, allowed, is_needed, is_used in (
+            ('least', LEAST, {rule.needs_least for rule in rules}, set()),
+            (
+                'greatest',
+                GREATEST,
+                {rule.needs_greatest for rule in rules},
+                {rule.uses_greatest for rule in rules},
+            ),
+        ):
+            found = next((name for name in allowed if name in names), None)
+            # Where it is needed and not there, the reader of single messages says so.
+            if True in is_needed or (found is not None and True in is_used):
+                ask(key, found or allowed[0])
+        if any(reading.is_sector for _, reading in readings):
+            ask('first', GEOMETRY[0])
+            ask('step', GEOMETRY[1])
         self._fields = None
+        self._kinds: list[str] = []
         try:
-            fields = CdrFields(definitions, msgtype, paths)
+            fields = CdrFields(definitions, self._msgtype, paths)
         except UnreadableError:
             return
         extra = [fields.kinds[place] for place in self._at.values()]
-        own = zip(self._readers, fields.kinds, strict=False)
-        if set(extra) <= {'number'} and all(
-            _is_understood(item.reading, kind) for item, kind in own
+        texts = [fields.kinds[place] for place in self._named.columns.values()]
+        if (
+            {*extra} <= {'number'}
+            and {*texts} <= {'texts'}
+            and all(
+                _is_understood(reader.reading, kind, is_named=column in self._named.columns)
+                for column, (reader, kind) in enumerate(
+                    zip(self._readers, fields.kinds, strict=False)
+                )
+            )
         ):
             self._fields = fields
+            self._kinds = fields.kinds
 
     def read(self, block: Block, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return (m, features) float64 values and (m,) header stamps in ns, 0 for none.
@@ -89,41 +129,70 @@ class TopicColumns:
         Raises:
             OccError: a message is damaged or lacks a field.
         """
+        values, stamps, _ = self.read_named(block, rows)
+        return values, stamps
+
+    def read_named(
+        self, block: Block, rows: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return what :meth:`read` does, and (m,) which messages have the names asked for."""
         if not len(rows):
-            return np.empty((0, len(self._readers))), np.empty(0, dtype=np.int64)
+            return np.empty((0, len(self._readers))), np.empty(0, np.int64), np.empty(0, bool)
         if self._fields is not None and self._recording.topics[self._topic].serialization == 'cdr':
             try:
                 found = self._fields.read(block.data, block.starts[rows], block.ends[rows])
                 # A value that overflows is infinite, which the verdict tells; as in plain Python.
                 with np.errstate(over='ignore', invalid='ignore'):
-                    return self._finish(found, len(rows))
+                    return self._finish(found, len(rows), block.data)
             except UnreadableError:
                 pass
         return self._one_by_one(block, rows)
 
-    def _one_by_one(self, block: Block, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        values = np.empty((len(rows), len(self._readers)))
+    def _one_by_one(
+        self, block: Block, rows: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        values = np.full((len(rows), len(self._readers)), np.nan)
         stamps = np.zeros(len(rows), dtype=np.int64)
+        named, unnamed = np.ones(len(rows), dtype=bool), None
         for place, row in enumerate(rows.tolist()):
             message = self._recording.decode(self._recording.raw(block, row, self._topic))
-            values[place] = self._one_reader.read(message)
             stamps[place] = header_stamp_ns(message) or 0
-        return values, stamps
+            try:
+                values[place] = self._one_reader.read(message)
+            except NotNamedError as error:
+                named[place], unnamed = False, error
+        self._note_names(named, unnamed)
+        return values, stamps, named
 
-    def _finish(self, found: list[list[Group]], count: int) -> tuple[np.ndarray, np.ndarray]:
+    def _note_names(self, named: np.ndarray, unnamed: NotNamedError | None) -> None:
+        """Remember whether some message has had the names that are asked for."""
+        self._is_named = self._is_named or bool(named.any())
+        self.unnamed = None if self._is_named else unnamed
+
+    def _finish(
+        self, found: list[list[Group]], count: int, data: bytes | memoryview
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         extra = {
             name: found[place][0].values[:, 0].astype(np.float64)
             for name, place in self._at.items()
         }
         values = np.full((count, len(self._readers)), np.nan)
+        named = np.ones(count, dtype=bool)
+        for column, texts in self._named.columns.items():
+            numbers, has_name = self._named.read(column, found[texts][0], found[column], data)
+            values[:, column] = self._numbers(
+                column,
+                self._readers[column].reading,
+                Group(np.arange(count), numbers[:, None], 0, 1),
+                extra,
+            )
+            named &= has_name
+        self._note_names(named, None if named.any() else self._named.error())
         for column, reader in self._scalars:
-            # Numbers and vectors are of one length, so there is one group of all messages.
-            numbers = found[column][0].values.astype(np.float64)
-            if reader.reading.reduce == 'yaw':
-                values[:, column] = _yaws(numbers)
-            else:
-                missing = reader.reading.missing
-                values[:, column] = fill_unmeasured(numbers[:, 0], missing, extra.get('limit'))
+            if column in self._named.columns:
+                continue
+            for group in found[column]:
+                values[group.rows, column] = self._numbers(column, reader.reading, group, extra)
         for place, array in self._arrays:
             for group in found[place]:
                 _reduce(array, group, extra, values)
@@ -132,26 +201,65 @@ class TopicColumns:
             # A float64 holds each 32-bit number exactly.
             seconds, rest = (extra[name].astype(np.int64) for name in ('seconds', 'rest'))
             stamps = seconds * 1_000_000_000 + rest
-        return values, stamps
+        return values, stamps, named
+
+    def _numbers(
+        self, column: int, reading: Reading, group: Group, extra: dict[str, np.ndarray]
+    ) -> Any:
+        """Return one number for each of a group's messages."""
+        if is_plain_count(reading):
+            return group.values.shape[1]
+        numbers = group.values.astype(np.float64)
+        if reading.reduce not in ANGLES:
+            limits = (extra[key][group.rows] if key in extra else None for key in _LIMITS)
+            return fill_unmeasured(numbers[:, 0], RangeRule.of(reading), *limits)
+        if not numbers.shape[1]:
+            return np.nan
+        if numbers.shape[1] != 4:
+            raise UnreadableError('a quaternion has four parts')
+        order, angle = 'xyzw', str(reading.reduce)
+        if self._kinds[column] == 'array':
+            order = self._readers[column].order(self._msgtype)
+        parts = [numbers[:, order.index(axis)] for axis in 'xyzw']
+        columns = (part.tolist() for part in angle_parts(angle, *parts))
+        return [angle_of(angle, *values) for values in zip(*columns, strict=True)]
 
 
-def _has_stamp(definitions: dict[str, Any], msgtype: str) -> bool:
+def _fields_of(definitions: Mapping[str, Any], msgtype: str) -> list[tuple[str, Any]]:
+    return list(definitions[msgtype][1]) if msgtype in definitions else []
+
+
+def _part_names(definitions: Mapping[str, Any], field: Any) -> list[str]:
+    """Return the names of a field's own fields, none where it is no message."""
+    _, argument = field
+    return (
+        [name for name, _ in _fields_of(definitions, argument)]
+        if (isinstance(argument, str))
+        else []
+    )
+
+
+def _has_stamp(definitions: Mapping[str, Any], msgtype: str) -> bool:
     """Tell whether the type begins the way to a stamp as std_msgs/msg/Header has it."""
     for name in _STAMP[0][:-1]:
-        field = dict(definitions[msgtype][1] if msgtype in definitions else ()).get(name)
+        field = dict(_fields_of(definitions, msgtype)).get(name)
         if field is None or not isinstance(field[1], str):
             return False
         msgtype = field[1]
     return msgtype in definitions and {'sec', 'nanosec'} <= dict(definitions[msgtype][1]).keys()
 
 
-def _is_understood(reading: Reading, kind: str) -> bool:
+def _is_understood(reading: Reading, kind: str, *, is_named: bool) -> bool:
     """Tell whether all that the reading says can be done here to a field of that kind."""
+    if is_named:
+        return kind == 'array'
     if reading.reduce is None:
         return kind == 'number'
-    if reading.reduce == 'yaw':
-        return kind == 'vector'
-    return kind == 'array' or (kind == 'vector' and reading.degrees is None)
+    if reading.reduce in ANGLES:
+        return kind in ('vector', 'array')
+    if is_plain_count(reading):
+        return kind == 'array'
+    return kind == 'array' or (kind == 'vector' and not reading.is_sector)
 
 
 def _reduce(
@@ -170,13 +278,6 @@ def _reduce(
     for part, geometry in parts:
         chosen = rows[part]
         numbers = values[chosen]
-        limits = extra['limit'][chosen] if array.needs_limits else None
+        limits = tuple(extra[name][chosen] if name in extra else None for name in _LIMITS)
         array.reduce(group.values[part], limits, geometry, numbers)
         values[chosen] = numbers
-
-
-def _yaws(quaternions: np.ndarray) -> list[float]:
-    if quaternions.shape[1] != 4:
-        raise UnreadableError('a quaternion has four parts')
-    sines, cosines = yaw_vector(*quaternions.T)
-    return list(map(yaw_angle, sines.tolist(), cosines.tolist()))

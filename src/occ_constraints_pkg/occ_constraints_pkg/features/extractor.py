@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from occ_constraints_pkg.errors import DataError
-from occ_constraints_pkg.features.feature_map import FeatureMap, topic_key
-from occ_constraints_pkg.features.fields import TopicReader, header_stamp_ns
+from occ_constraints_pkg.features.feature_map import Channel, FeatureMap, topic_key
+from occ_constraints_pkg.features.fields import NotNamedError, TopicReader, header_stamp_ns
 from occ_constraints_pkg.features.lateness import describe_lateness, lateness_of
 from occ_constraints_pkg.features.table import Table
 from occ_constraints_pkg.features.transforms import RowTransforms
@@ -43,7 +43,7 @@ _UNREAD = np.empty((0, 0))
 
 
 class LatestValue:
-    """The last message of a topic, with its values once they have been asked for.
+    """The last message of a channel, with its values once they have been asked for.
 
     Attributes:
         message: of rosbags or rclpy, or a :class:`TableMessage`.
@@ -63,18 +63,55 @@ class LatestValue:
         if self.values is _UNREAD:
             self.values, self.table = reader.read(self.message)
 
-    def age_ns(self, stamp: int | None, arrival: int) -> int:
+    def age_ns(self, now: LatestValue, *, is_by_arrival: bool = False) -> int:
         """Return the distance to the message of the row; the future is as far as the past.
 
         That a clock has jumped back shows in nothing else.
         """
-        return abs(self.ahead_ns(stamp, arrival))
+        return abs(self.arrival - now.arrival if is_by_arrival else self.ahead_ns(now))
 
-    def ahead_ns(self, stamp: int | None, arrival: int) -> int:
+    def ahead_ns(self, other: LatestValue) -> int:
         """Return by how much this message is of a later time than another one."""
-        if stamp is None or self.stamp is None:
-            return self.arrival - arrival
-        return self.stamp - stamp
+        if other.stamp is None or self.stamp is None:
+            return self.arrival - other.arrival
+        return self.stamp - other.stamp
+
+
+class _LatestOfChannel:
+    """A channel with its latest value.
+
+    Attributes:
+        channel: which readings it is about.
+        reader: reads them.
+        latest: the last message that has all its names; None before.
+        unnamed: what the last message lacked, as long as no message has had it.
+    """
+
+    def __init__(self, channel: Channel, feature_map: FeatureMap) -> None:
+        self.channel = channel
+        readings = [feature_map.readings[place] for place in channel.places]
+        self.reader = TopicReader(list(channel.places), readings)
+        self.latest: LatestValue | None = None
+        self.unnamed: NotNamedError | None = None
+
+    def take(self, message: LatestValue) -> None:
+        """Make a message the latest one, unless it says nothing of this channel."""
+        if self.channel.names:
+            try:
+                message.read(self.reader)
+            except NotNamedError as error:
+                self.unnamed = error if self.latest is None else None
+                return
+            self.unnamed = None
+        self.latest = message
+
+    def valid_at(self, now: LatestValue) -> LatestValue | None:
+        """Return the latest value if it is valid at another message."""
+        latest, channel = self.latest, self.channel
+        if latest is None:
+            return None
+        age_ns = latest.age_ns(now, is_by_arrival=channel.is_by_arrival)
+        return latest if age_ns <= channel.max_age_ns else None
 
 
 class FeatureExtractor:
@@ -102,19 +139,15 @@ class FeatureExtractor:
         # The lag in ns of those topics whose last message came too late.
         self._late: dict[str, int] = {}
         self._max_age_ns = round(feature_map.max_age * 1e9)
-        self._readings = feature_map.readings
-        groups: dict[str, list[int]] = {topic_key(topic): [] for topic in feature_map.topics}
-        for index, (_, reading) in enumerate(self._readings):
-            groups[topic_key(reading.topic)].append(index)
+        self._width = len(feature_map.readings)
         self.pace_key = topic_key(feature_map.pace)
         rate = feature_map.rate
         self._clock = None if rate is None else _Clock(rate, self._max_age_ns)
-        self._readers = {
-            key: TopicReader(columns, [self._readings[column] for column in columns])
-            for key, columns in groups.items()
-        }
+        self._channels = [_LatestOfChannel(item, feature_map) for item in feature_map.channels]
+        self._of_topic: dict[str, list[_LatestOfChannel]] = {}
+        for channel in self._channels:
+            self._of_topic.setdefault(channel.channel.key, []).append(channel)
         self._transforms = RowTransforms(feature_map)
-        self._latest: dict[str, LatestValue] = {}
         self._now: LatestValue | None = None
         self._episodes = np.empty(0)
         self._last: tuple[int | None, np.ndarray] = (None, np.empty((0, 0)))
@@ -141,60 +174,77 @@ class FeatureExtractor:
                 of two topics have different numbers of rows.
         """
         key = topic_key(topic)
-        if key not in self._readers:
+        channels = self._of_topic.get(key)
+        if channels is None:
             return None
-        latest = LatestValue(message, header_stamp_ns(message), receive_time_ns)
+        stamp = header_stamp_ns(message)
+        for channel in channels:
+            channel.take(LatestValue(message, stamp, receive_time_ns))
+        now = LatestValue(message, stamp, receive_time_ns)
         if key in self._lateness:
-            lag = self._lateness[key].lag_ns(latest.stamp, *(sent or (receive_time_ns,)))
+            lag = self._lateness[key].lag_ns(stamp, *(sent or (receive_time_ns,)))
             if lag > self._max_lag_ns:
                 self._late[key] = lag
             else:
                 self._late.pop(key, None)
         if key == self.pace_key:
-            others = self._fresh(latest, {key}) if self._latest else {}
-            return self._row(latest, {key: latest, **others})
-        self._latest[key] = latest
-        if self._clock is None or not self._clock.is_due(latest.stamp, receive_time_ns):
+            return self._row(now)
+        if self._clock is None or not self._clock.is_due(stamp, receive_time_ns):
             return None
-        return self._row(latest, self._fresh(latest, set()))
+        return self._row(now)
 
     @property
-    def timed(self) -> Set[str]:
-        """Topics of which every message is needed, to know how late it is."""
-        return self._lateness.keys()
+    def listened_to(self) -> Set[str]:
+        """Topics of which every message is needed: to know how late it is, or what it names."""
+        named = {item.channel.key for item in self._channels if item.channel.names}
+        return self._lateness.keys() | named
 
-    def ages_ns(self) -> dict[str, int | None]:
-        """Return how far each topic's value was from the last row, in ns; None where none came.
+    @property
+    def fault(self) -> str:
+        """Which name that the map asks for no message has had so far; empty if none is missing."""
+        return next((str(item.unnamed) for item in self._channels if item.unnamed), '')
 
-        Topics are those of the map; the one that sets the pace is not among them.
+    def check_names(self) -> None:
+        """Do nothing if all names that the map asks for have come, in topics that have.
+
+        Raises:
+            DataError: one has not; the sentence says which there are.
         """
-        now, ages = self._now, {}
-        for topic in self.feature_map.topics:
-            latest = self._latest.get(topic_key(topic))
-            if topic_key(topic) != self.pace_key:
-                ages[topic] = latest.age_ns(now.stamp, now.arrival) if now and latest else None
+        for channel in self._channels:
+            if channel.unnamed is not None:
+                raise channel.unnamed
+
+    def ages_ns(self) -> list[int | None]:
+        """Return how far each reading's value was from the last row, in ns; None where none came.
+
+        They are in the order of the map's readings.
+        """
+        ages: list[int | None] = [None] * self._width
+        for channel in self._channels:
+            latest, item = channel.latest, channel.channel
+            if self._now is not None and latest is not None:
+                for place in item.places:
+                    ages[place] = latest.age_ns(self._now, is_by_arrival=item.is_by_arrival)
         return ages
 
-    def _fresh(self, now: LatestValue, besides: set[str]) -> dict[str, LatestValue]:
-        """Return the latest value of each topic that is valid at the message ``now``."""
-        return {
-            key: latest
-            for key, latest in self._latest.items()
-            if key not in besides and latest.age_ns(now.stamp, now.arrival) <= self._max_age_ns
-        }
-
-    def _row(self, now: LatestValue, parts: dict[str, LatestValue]) -> FeatureRows:
-        """Compute the features from the messages in ``parts``."""
-        back_ns = 0 if self._now is None else self._now.ahead_ns(now.stamp, now.arrival)
+    def _row(self, now: LatestValue) -> FeatureRows:
+        """Compute the features from the latest values that are valid at a message."""
+        back_ns = 0 if self._now is None else self._now.ahead_ns(now)
         self._now = now
-        for key, value in parts.items():
-            value.read(self._readers[key])
+        parts = []
+        for channel in self._channels:
+            if (latest := channel.valid_at(now)) is not None:
+                latest.read(channel.reader)
+                parts.append((channel, latest))
         row_ns = now.arrival if now.stamp is None else now.stamp
-        if self.pace_key and len(self._readers) == 1:
-            read, stamps = now.values, [now.stamp] * len(self._readings)
+        # The pace topic's channel without names comes first.
+        pace = parts[0][1] if self.pace_key else None
+        stamps: list[int | None]
+        if pace is not None and len(self._channels) == 1:
+            read, stamps = pace.values, [now.stamp] * self._width
         else:
-            read, stamps = self._gathered(now, parts)
-        table = now.table if self.pace_key else None
+            read, stamps = self._gathered(pace, parts)
+        table = None if pace is None else pace.table
         values = self._transforms.apply(read, stamps, row_ns, self._restarted(table))
         last_stamp, last_values = self._last
         note = ''
@@ -211,22 +261,23 @@ class FeatureExtractor:
         return FeatureRows(row_ns, values, table, repeat, note)
 
     def _gathered(
-        self, now: LatestValue, parts: dict[str, LatestValue]
+        self, pace: LatestValue | None, parts: list[tuple[_LatestOfChannel, LatestValue]]
     ) -> tuple[np.ndarray, list[int | None]]:
-        """Return (rows, readings) of several topics, and each reading's stamp."""
-        count = max((len(latest.values) for latest in parts.values()), default=1)
-        if self.pace_key:
-            count = len(now.values)
-        read = np.full((count, len(self._readings)), np.nan)
-        stamps: list[int | None] = [None] * len(self._readings)
-        for key, latest in parts.items():
+        """Return (rows, readings) of several channels, and each reading's stamp."""
+        if pace is not None:
+            count = len(pace.values)
+        else:
+            count = max((len(latest.values) for _, latest in parts), default=1)
+        read = np.full((count, self._width), np.nan)
+        stamps: list[int | None] = [None] * self._width
+        for channel, latest in parts:
             if len(latest.values) not in (1, count):
                 raise DataError(
-                    f'topic {key!r} holds {len(latest.values)} rows and '
+                    f'topic {channel.channel.key!r} holds {len(latest.values)} rows and '
                     + (f'the pace topic {self.pace_key!r}' if self.pace_key else 'another')
                     + f' {count}; allowed are 1 or as many'
                 )
-            columns = self._readers[key].columns
+            columns = channel.reader.columns
             read[:, columns] = latest.values
             for column in columns:
                 stamps[column] = latest.stamp

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import resources
 from pathlib import Path
@@ -18,8 +18,10 @@ from occ_constraints_pkg.documents import (
     parse_yaml,
     read_text,
     validate,
+    with_line,
 )
 from occ_constraints_pkg.errors import ConfigurationError, OccError
+from occ_constraints_pkg.features.paths import Selector
 from occ_constraints_pkg.features.sources import (
     FeatureSource,
     Reading,
@@ -34,6 +36,26 @@ _MAPS = resources.files(__package__).joinpath('maps')
 BUILT_IN_MAPS = tuple(
     sorted(entry.name[:-5] for entry in _MAPS.iterdir() if entry.name.endswith('.yaml'))
 )
+
+
+@dataclass(frozen=True)
+class Channel:
+    """Readings of one topic that come with the same messages and expire together.
+
+    Attributes:
+        key: the topic as :func:`topic_key` writes it.
+        max_age_ns: how far the values may be from their row, in ns.
+        is_by_arrival: whether that is measured by arrival alone.
+        names: what a message must name to be one for these readings; others leave them as they
+            are, as when an arm and its gripper publish on one topic.
+        places: indices of the readings among those of the map.
+    """
+
+    key: str
+    max_age_ns: int
+    is_by_arrival: bool = False
+    names: frozenset[Selector] = frozenset()
+    places: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -75,6 +97,27 @@ class FeatureMap:
         own = [(feature.name, feature.reading) for feature in self.features]
         minus = [(item.name, item.minus) for item in self.features if item.minus is not None]
         return (*own, *minus)
+
+    def max_age_ns(self, reading: Reading) -> int:
+        """Return how far a reading's value may be from its row, in ns."""
+        return round((self.max_age if reading.max_age is None else reading.max_age) * 1e9)
+
+    @cached_property
+    def channels(self) -> tuple[Channel, ...]:
+        """The readings of each topic that come and expire together, the pace topic's first."""
+        places: dict[Channel, list[int]] = {}
+        if self.pace:
+            # Also where nothing of it is read, for each of its messages gives a row.
+            places[Channel(topic_key(self.pace), round(self.max_age * 1e9))] = []
+        for place, (_, reading) in enumerate(self.readings):
+            channel = Channel(
+                topic_key(reading.topic),
+                self.max_age_ns(reading),
+                reading.age_by == 'arrival',
+                frozenset(reading.selectors),
+            )
+            places.setdefault(channel, []).append(place)
+        return tuple(replace(channel, places=tuple(at)) for channel, at in places.items())
 
     @cached_property
     def topics(self) -> tuple[str, ...]:
@@ -123,18 +166,20 @@ class FeatureMap:
         """
         validate(document, SCHEMA, where, text=text)
         try:
-            return cls._from_valid(document, where)
+            return cls._from_valid(document)
         except OverflowError as error:
             raise ConfigurationError(
                 f'{where}: a number is too large; allowed are 64-bit floats'
             ) from error
+        except OccError as error:
+            raise ConfigurationError(with_line(str(error), where, text)) from error
 
     @classmethod
-    def _from_valid(cls, document: Any, where: str) -> FeatureMap:
+    def _from_valid(cls, document: Any) -> FeatureMap:
         features: list[FeatureSource] = []
         entries: list[int] = []
         for index, entry in enumerate(document['features']):
-            found = features_of(entry, f'{where}: features[{index}]')
+            found = features_of(entry, f'features[{index}]')
             features += found
             entries += [index] * len(found)
         given = document['pace']
@@ -142,21 +187,18 @@ class FeatureMap:
         result = cls(pace, float(document['max_age']), tuple(features), rate)
         for key, value in (('max_age', result.max_age), ('pace.rate', rate or 1.0)):
             if not np.isfinite(value):
-                raise ConfigurationError(f'{where}: {key}: got {value}; allowed is a finite number')
+                raise ConfigurationError(f'{key}: got {value}; allowed is a finite number')
         tables = {topic_key(topic) for topic in result.table_topics}
         for index, feature in zip(entries, features, strict=True):
-            for reading in filter(None, (feature.reading, feature.minus)):
+            for reading in feature.readings:
                 if reading.column is None and topic_key(reading.topic) in tables:
                     raise ConfigurationError(
-                        f'{where}: features[{index}].field: got {reading.field!r} of topic '
+                        f'features[{index}].field: got {reading.field!r} of topic '
                         f'{reading.topic!r}, of which another feature is a table column; '
                         'allowed are fields only or columns only'
                     )
-        try:
-            # The feature space checks names and bounds.
-            _ = result.space
-        except OccError as error:
-            raise ConfigurationError(f'{where}: {error}') from error
+        # The feature space checks names and bounds.
+        _ = result.space
         return result
 
 

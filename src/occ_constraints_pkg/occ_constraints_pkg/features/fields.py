@@ -4,31 +4,44 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Sequence
+import math
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import MISSING, fields, is_dataclass
-from typing import Any
+from functools import lru_cache
+from typing import Any, cast
 
 import numpy as np
 
 from occ_constraints_pkg.documents import did_you_mean
 from occ_constraints_pkg.errors import DataError, OccError
+from occ_constraints_pkg.features.paths import (
+    Path,
+    Selector,
+    number_in,
+    parse_path,
+    path_text,
+)
 from occ_constraints_pkg.features.reductions import (
     ArrayReductions,
+    RangeRule,
+    angle_of,
+    angle_parts,
     fill_unmeasured,
-    is_measured,
-    yaw_angle,
-    yaw_vector,
 )
 from occ_constraints_pkg.features.serialized_tables import TableMessage
-from occ_constraints_pkg.features.sources import Reading
+from occ_constraints_pkg.features.sources import ANGLES, Reading
 from occ_constraints_pkg.features.table import Table
 
-_STEP = re.compile(r'\.?([A-Za-z_]\w*)|\[(-?\d+)\]|\[(-?\d*):(-?\d*)\]')
-
-# What LaserScan and Range call their greatest range, and LaserScan its angles.
-LIMITS = ('range_max', 'max_range')
+# What LaserScan and Range call their least and greatest ranges, and LaserScan its angles.
+LEAST = ('range_min', 'min_range')
+GREATEST = ('range_max', 'max_range')
 GEOMETRY = ('angle_min', 'angle_increment')
+# How its package says that a quaternion lies in an array.
+_ORDERS = {'px4_msgs': 'wxyz'}
+
+
+class NotNamedError(DataError):
+    """A message does not have the name that a reading selects by, so it says nothing of it."""
 
 
 class TopicReader:
@@ -102,10 +115,8 @@ class MessageReader:
             numbers[0, column] = field.number(message)
         for field, array in self._arrays:
             values = field.array(message)
-            if values.size:
-                limits = np.array([field.limit(message)]) if array.needs_limits else None
-                geometry = field.geometry(message) if array.needs_geometry else None
-                array.reduce(values[np.newaxis], limits, geometry, numbers)
+            geometry = field.geometry(message) if array.needs_geometry and values.size else None
+            array.reduce(values[np.newaxis], field.limits(message), geometry, numbers)
         return numbers
 
 
@@ -114,14 +125,19 @@ def split_readings(
 ) -> tuple[list[tuple[int, FieldReader]], list[list[tuple[int, str, Reading]]]]:
     """Return readings of one number with their columns, and those of each array together."""
     scalars: list[tuple[int, FieldReader]] = []
-    arrays: dict[tuple[str | None, str], list[tuple[int, str, Reading]]] = {}
+    arrays: dict[tuple[str | None, RangeRule], list[tuple[int, str, Reading]]] = {}
     for column, (name, reading) in enumerate(readings):
-        if reading.reduce in (None, 'yaw'):
+        if reading.reduce is None or reading.reduce in ANGLES or is_plain_count(reading):
             scalars.append((column, FieldReader(name, reading)))
         else:
-            key = reading.field, reading.missing
+            key = reading.field, RangeRule.of(reading)
             arrays.setdefault(key, []).append((column, name, reading))
     return scalars, list(arrays.values())
+
+
+def is_plain_count(reading: Reading) -> bool:
+    """Tell whether all elements of an array are counted, whatever they are."""
+    return reading.reduce == 'count' and not reading.is_sector and RangeRule.of(reading).is_plain
 
 
 class FieldReader:
@@ -134,23 +150,21 @@ class FieldReader:
 
     def __init__(self, name: str, reading: Reading) -> None:
         self._name, self.reading = name, reading
+        self._rule = RangeRule.of(reading)
         # The type of message in which the path has been found to lead through declared fields.
         self._checked: type | None = None
-        self._steps: list[str | int | slice] = []
-        for attribute, index, start, stop in _STEP.findall(reading.field or ''):
-            if attribute:
-                self._steps.append(attribute)
-            elif index:
-                self._steps.append(int(index))
-            else:
-                self._steps.append(
-                    slice(int(start) if start else None, int(stop) if stop else None)
-                )
+        self._is_complete = False
+        self._written = parse_path(reading.field or '')
+        # As it is in messages of the type that came last, which may have a header around.
+        self._steps = self._written
+        self._has_names = any(isinstance(step, Selector) for step in self._written)
+        # Where a name was found in the message before.
+        self._places: dict[int, int] = {}
 
     @property
-    def path(self) -> tuple[str | int | slice, ...]:
-        """The steps from the message to the field."""
-        return tuple(self._steps)
+    def path(self) -> Path:
+        """The steps from the message to the field, as the map has them."""
+        return self._written
 
     def check_type(self, message: Any) -> None:
         """Do nothing if messages of this one's type can be read; an empty one shows it.
@@ -158,53 +172,162 @@ class FieldReader:
         Raises:
             OccError: there is no such field, or it is not what the feature map says.
         """
-        value = message
-        for place, step in enumerate(self._steps):
+        value, steps = message, self._resolved(message)
+        for place, step in enumerate(steps):
             if not isinstance(step, str):
                 # What elements an array has, only a real message shows.
                 return
             try:
                 value = getattr(value, step)
             except AttributeError as error:
+                self._steps = steps
                 raise self._missing(place, value) from error
-        if self.reading.reduce in (None, 'yaw'):
+        reading = self.reading
+        if reading.reduce is None or reading.reduce in ANGLES or is_plain_count(reading):
             self.number(message)
         else:
             self.array(message)
-            if self.reading.degrees is not None:
+            if reading.is_sector:
                 self.geometry(message)
 
     def value(self, message: Any) -> Any:
-        """Follow the path, through declared fields only: not methods, constants or private ones."""
-        value, is_checked = message, type(message) is self._checked
-        for place, step in enumerate(self._steps):
-            try:
-                if isinstance(step, slice):
-                    self._check_reach(step, len(value))
-                elif isinstance(step, str) and not is_checked and step not in field_names(value):
-                    raise AttributeError(step)
-                value = getattr(value, step) if isinstance(step, str) else value[step]
-            except (AttributeError, IndexError, TypeError) as error:
-                raise self._missing(place, value) from error
-        self._checked = type(message)
+        """Follow the path, through declared fields only: not methods, constants or private ones.
+
+        Raises:
+            NotNamedError: an array lacks the name that the path asks for.
+            DataError: there is no such field or element.
+        """
+        is_checked = type(message) is self._checked
+        if not is_checked:
+            self._steps = self._resolved(message)
+        self._is_complete = is_checked
+        value = self._follow(message, 0, (), is_checked=is_checked)
+        if self._is_complete:
+            self._checked = type(message)
         return value
 
+    def _follow(self, value: Any, start: int, around: tuple[Any, ...], *, is_checked: bool) -> Any:
+        """Go on from a step of the path; ``around`` are the messages that were passed."""
+        steps = self._steps
+        for place in range(start, len(steps)):
+            step = steps[place]
+            try:
+                if isinstance(step, str):
+                    if not is_checked and step not in field_names(value):
+                        raise AttributeError(step)
+                    if self._has_names:
+                        around = (*around, value)
+                    value = getattr(value, step)
+                elif isinstance(step, Selector):
+                    value = self._select(place, step, value, around)
+                elif isinstance(step, slice):
+                    self._check_reach(step, len(value))
+                    value = value[step]
+                    if place + 1 < len(steps):
+                        return [
+                            self._follow(item, place + 1, around, is_checked=is_checked)
+                            for item in value
+                        ]
+                else:
+                    value = value[step]
+            except (AttributeError, IndexError, TypeError) as error:
+                raise self._missing(place, value) from error
+        self._is_complete = True
+        return value
+
+    def _resolved(self, message: Any) -> Path:
+        """Return the path in messages of a type, which may have a header around their part.
+
+        So that a map reads both ``geometry_msgs/msg/Twist`` and ``TwistStamped``, say.
+        """
+        parts = {name: field_names(getattr(message, name)) for name in field_names(message)}
+        return resolve_path(self._written, type_name(message), parts)
+
+    def _select(self, place: int, step: Selector, value: Any, around: tuple[Any, ...]) -> Any:
+        """Return the element that has a name; all of them to count them."""
+        is_counted = place + 1 == len(self._steps) and self.reading.reduce == 'count'
+        if is_counted and not len(value):
+            return []
+        names = self._names(place, step, value, around)
+        if is_counted:
+            return [item for item, name in zip(value, names, strict=False) if step.matches(name)]
+        index = self._places.get(place, 0)
+        if not (index < len(names) and step.matches(names[index])):
+            found = [index for index, name in enumerate(names) if step.matches(name)]
+            if not found:
+                raise self.not_named(step, names)
+            index = self._places[place] = found[0]
+        if index >= len(value):
+            # JointState leaves empty what its publisher does not know.
+            if place + 1 < len(self._steps):
+                raise self.not_named(step, names)
+            return math.nan
+        return value[index]
+
+    def _names(self, place: int, step: Selector, value: Any, around: tuple[Any, ...]) -> list[Any]:
+        """Return the names of an array's elements."""
+        first = step.key[0]
+        if len(value) and first in field_names(value[0]):
+            return [self._at_key(step, item) for item in value]
+        for outer in reversed(around):
+            if first in field_names(outer):
+                names = self._at_key(step, outer)
+                if isinstance(names, str) or not hasattr(names, '__len__'):
+                    raise self._wrong(names, f'an array of names at {".".join(step.key)!r}')
+                return list(names)
+        if not len(value):
+            raise self.not_named(step, [])
+        known = field_names(value[0]) or field_names(around[-1])
+        raise DataError(
+            f'feature {self._name!r} of topic {self.reading.topic!r} asks for '
+            f'{self.reading.field!r}, but neither {path_text(self._steps[:place])} nor the '
+            f'message has {first!r}; there are {", ".join(known)}'
+        )
+
+    def _at_key(self, step: Selector, message: Any) -> Any:
+        value = message
+        for name in step.key:
+            if name not in field_names(value):
+                raise self._wrong(value, f'a message with {name!r}, as the key of a name')
+            value = getattr(value, name)
+        return value
+
+    def not_named(self, step: Selector, names: Sequence[Any]) -> NotNamedError:
+        """Return the error that a message has these names, but not the one asked for."""
+        texts = [str(name) for name in names]
+        hint = did_you_mean(step.text, texts) or ';'
+        return NotNamedError(
+            f'feature {self._name!r} of topic {self.reading.topic!r} asks for '
+            f'{self.reading.field!r}, but no message has {".".join(step.key)} {step.text!r}{hint} '
+            f'the last one has {", ".join(texts) or "none"}'
+        )
+
     def number(self, message: Any) -> float:
-        """Return a field that is one number, or the yaw of a quaternion."""
-        value = self.value(message)
-        if self.reading.reduce == 'yaw':
-            return self._yaw(value)
-        if isinstance(value, str | bytes) or np.ndim(value):
+        """Return a field that is one number, an angle of a quaternion, or a length."""
+        value, reading = self.value(message), self.reading
+        if reading.reduce in ANGLES:
+            return self._angle(message, value)
+        if reading.reduce == 'count':
+            if isinstance(value, str | bytes) or not hasattr(value, '__len__'):
+                raise self._wrong(value, 'an array, whose elements are counted')
+            return float(len(value))
+        if isinstance(value, str):
+            found = number_in(value)
+            if found is None and not self._has_names:
+                raise self._wrong(value, 'one number, or a text that holds one')
+            value = math.nan if found is None else found
+        # rclpy has a byte as bytes of length 1.
+        if isinstance(value, bytes) and len(value) == 1:
+            value = value[0]
+        if isinstance(value, bytes) or np.ndim(value):
             raise self._wrong(value, 'one number; an array needs the key "reduce"')
         try:
             number = float(value)
         except (TypeError, ValueError):
             raise self._wrong(value, 'one number') from None
-        missing = self.reading.missing
-        if missing == 'unknown' or is_measured(number):
+        if self._rule.is_plain:
             return number
-        limits = np.array([self.limit(message)]) if missing == 'max_range' else None
-        return float(fill_unmeasured(np.array([number]), missing, limits)[0])
+        return float(fill_unmeasured(np.array([number]), self._rule, *self.limits(message))[0])
 
     def array(self, message: Any) -> np.ndarray:
         """Return a field that is an array, or a vector such as Vector3, as float64."""
@@ -219,14 +342,29 @@ class FieldReader:
             raise self._wrong(value, 'an array or vector of numbers')
         return numbers
 
-    def limit(self, message: Any) -> float:
-        """Return the greatest range of a LaserScan or a Range message."""
-        for name in LIMITS:
+    def limits(self, message: Any) -> tuple[np.ndarray | None, np.ndarray | None]:
+        """Return least and greatest range of a LaserScan or Range message, (1,) each.
+
+        None for one that the reading does not need, or could use but the message does not tell.
+        """
+        rule = self._rule
+        least = greatest = None
+        if rule.needs_least:
+            least = self._limit(message, LEAST, is_needed=True)
+        if rule.uses_greatest:
+            greatest = self._limit(message, GREATEST, is_needed=rule.needs_greatest)
+        return least, greatest
+
+    def _limit(self, message: Any, names: Sequence[str], *, is_needed: bool) -> np.ndarray | None:
+        for name in names:
             if hasattr(message, name):
-                return float(getattr(message, name))
+                return np.array([float(getattr(message, name))])
+        if not is_needed:
+            return None
+        key = 'missing: max_range' if names is GREATEST else 'range_limits: own'
         raise DataError(
-            f'feature {self._name!r} of topic {self.reading.topic!r} has missing: '
-            f"max_range, but {_kind(message)} has no field 'range_max'"
+            f'feature {self._name!r} of topic {self.reading.topic!r} has {key}, but '
+            f'{_kind(message)} has no field {names[0]!r}'
         )
 
     def geometry(self, message: Any) -> tuple[float, float]:
@@ -239,12 +377,37 @@ class FieldReader:
                 f"{_kind(message)} has no fields 'angle_min' and 'angle_increment'"
             ) from None
 
-    def _yaw(self, value: Any) -> float:
+    def _angle(self, message: Any, value: Any) -> float:
+        angle = str(self.reading.reduce)
+        if all(hasattr(value, axis) for axis in 'xyzw'):
+            parts = [getattr(value, axis) for axis in 'xyzw']
+        elif hasattr(value, '__len__') and len(value) in (0, 4):
+            if not len(value):
+                return math.nan
+            order = self.order(type_name(message))
+            parts = [value[order.index(axis)] for axis in 'xyzw']
+        else:
+            raise self._wrong(value, f'a quaternion, for the transform {angle}')
         try:
-            x, y, z, w = (float(getattr(value, axis)) for axis in 'xyzw')
-        except (AttributeError, TypeError):
-            raise self._wrong(value, 'a quaternion, for the transform yaw') from None
-        return yaw_angle(*yaw_vector(x, y, z, w))
+            x, y, z, w = map(float, parts)
+        except (TypeError, ValueError):
+            raise self._wrong(value, f'a quaternion, for the transform {angle}') from None
+        return angle_of(angle, *angle_parts(angle, x, y, z, w))
+
+    def order(self, msgtype: str) -> str:
+        """Return how a quaternion lies in an array of a message's.
+
+        Raises:
+            DataError: neither the map nor the type's package says so.
+        """
+        order = self.reading.order or _ORDERS.get(msgtype.partition('/')[0])
+        if order is None:
+            raise DataError(
+                f'feature {self._name!r} of topic {self.reading.topic!r}: the key "order" is '
+                f'missing, which {self.reading.field!r} needs to be a quaternion, for it is an '
+                'array; allowed are xyzw and wxyz'
+            )
+        return order
 
     def _check_reach(self, step: slice, length: int) -> None:
         """Refuse a slice that asks for elements that are not there, except of an empty array."""
@@ -260,13 +423,13 @@ class FieldReader:
         reading, step = self.reading, self._steps[place]
         if isinstance(step, str):
             names = field_names(value)
-            at = _render(self._steps[:place]) or 'the message'
+            at = path_text(self._steps[:place]) or 'the message'
             hint = did_you_mean(step, names) or ';'
             what = f'{at} has no {step!r}{hint} it has {", ".join(names) or "no fields"}'
-        elif hasattr(value, '__len__') and not isinstance(step, slice):
-            what = f'{_render(self._steps[:place])} has {len(value)} elements'
+        elif hasattr(value, '__len__') and isinstance(step, int):
+            what = f'{path_text(self._steps[:place])} has {len(value)} elements'
         else:
-            what = f'{_render(self._steps[:place])} is not an array'
+            what = f'{path_text(self._steps[:place])} is not an array'
         return DataError(
             f'feature {self._name!r} of topic {reading.topic!r} asks for {reading.field!r}, '
             f'but {what}'
@@ -281,12 +444,49 @@ class FieldReader:
 
 def field_names(message: Any) -> list[str]:
     """Return the names of a message's fields, whether of rosbags or of rclpy; else nothing."""
-    if hasattr(message, 'get_fields_and_field_types'):
-        return list(message.get_fields_and_field_types())
-    if not is_dataclass(message):
+    return _field_names_of(cast(Hashable, type(message)))
+
+
+# Rclpy builds the names anew each time it is asked.
+@lru_cache(maxsize=512)
+def _field_names_of(kind: Any) -> list[str]:
+    if hasattr(kind, 'get_fields_and_field_types'):
+        return list(kind.get_fields_and_field_types())
+    if not is_dataclass(kind):
         return []
     # The classes of rosbags have constants, with values, among their fields.
-    return [field.name for field in fields(message) if field.default is MISSING]
+    return [field.name for field in fields(kind) if field.default is MISSING]
+
+
+def type_name(message: Any) -> str:
+    """Return the type of a message of rosbags or of rclpy, such as ``nav_msgs/msg/Odometry``."""
+    name = getattr(message, '__msgtype__', None)
+    if name is not None:
+        return str(name)
+    return f'{type(message).__module__.partition(".")[0]}/msg/{type(message).__name__}'
+
+
+def resolve_path(path: Path, msgtype: str, parts: Mapping[str, Sequence[str]]) -> Path:
+    """Return a path as it is in messages of a type, which may be stamped or not.
+
+    Types such as ``geometry_msgs/msg/TwistStamped`` are a header and a part, whose type they are
+    named after; the same path reads a topic of either type.
+
+    Args:
+        path: as the map has it.
+        msgtype: the type's name.
+        parts: the names of its fields, each with the names of the field's own fields.
+    """
+    first = path[0] if path else ''
+    if first in parts:
+        return path
+    if len(parts) == 2 and 'header' in parts:
+        part = next(name for name in parts if name != 'header')
+        if first in parts[part]:
+            return (part, *path)
+    if len(path) > 1 and first == msgtype.rpartition('/')[2].lower() and path[1] in parts:
+        return path[1:]
+    return path
 
 
 def header_stamp_ns(message: Any) -> int | None:
@@ -303,11 +503,6 @@ def _kind(value: Any) -> str:
     name = getattr(value, '__msgtype__', None) or type(value).__name__
     shape = np.shape(value) if isinstance(value, np.ndarray) else ()
     return f'{name} of shape {shape}' if shape else str(name)
-
-
-def _render(steps: list[str | int | slice]) -> str:
-    text = ''.join(f'.{step}' if isinstance(step, str) else f'[{step}]' for step in steps)
-    return text.lstrip('.')
 
 
 def _find(table: Table, name: str, reading: Reading) -> int:

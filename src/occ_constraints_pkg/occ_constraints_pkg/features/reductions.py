@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""What the numbers of a field mean: unmeasured ranges, sectors of beams, reductions, yaw.
+"""What the numbers of a field mean: unmeasured ranges, sectors of beams, reductions, angles.
 
 Everything is stated for n messages at once. A live message is the case n = 1, so live topics and
 recordings give the same bits.
@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from occ_constraints_pkg.errors import DataError
-from occ_constraints_pkg.features.sources import Reading
+from occ_constraints_pkg.features.sources import FULL_CIRCLE, Reading
 
 # Sectors are compared in whole ten-thousandths of a degree: finer than the single-precision angles
 # of a scan, and exact, so that no beam is lost or counted twice between two sectors.
@@ -32,6 +32,8 @@ _SUMS: dict[str, Callable[[np.ndarray], float]] = {
     'norm': lambda numbers: math.sqrt(numbers.dot(numbers)),
 }
 
+_COUNT = 'count'
+
 _NONE = np.empty(0, dtype=np.intp)
 _Indices = slice | np.ndarray
 
@@ -39,35 +41,136 @@ Geometry = tuple[float, float]
 """Angle of the first beam and step from one beam to the next, in rad."""
 
 
-def is_measured(values: Any) -> Any:
-    """Return which values are not how a scanner reports nothing: +Inf, NaN (REP 117) or 0."""
-    return (values < np.inf) & (values != 0.0)
+@dataclass(frozen=True)
+class RangeRule:
+    """Which ranges are measurements, and what the others stand for; see :class:`Reading`.
+
+    Attributes:
+        missing: ``unknown``, ``max_range`` or ``drop``.
+        limits: ``own``, ``ignore``, two numbers, or None.
+    """
+
+    missing: str
+    limits: str | tuple[float, float] | None
+
+    @classmethod
+    def of(cls, reading: Reading) -> RangeRule:
+        """Return the rule of a reading."""
+        return cls(reading.missing, reading.range_limits)
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether every value is taken as it is."""
+        return self.missing == 'unknown' and self.limits in (None, 'ignore')
+
+    @property
+    def needs_greatest(self) -> bool:
+        """Whether the message has to tell its greatest range."""
+        return self.missing == 'max_range' or self.limits == 'own'
+
+    @property
+    def needs_least(self) -> bool:
+        """Whether the message has to tell its least range."""
+        return self.limits == 'own'
+
+    @property
+    def uses_greatest(self) -> bool:
+        """Whether the greatest range makes a difference where the message tells it."""
+        return self.needs_greatest or (self.limits is None and self.missing == 'drop')
+
+    def is_measured(
+        self, values: np.ndarray, least: np.ndarray | None, greatest: np.ndarray | None
+    ) -> np.ndarray:
+        """Return which of (n, length) values are measurements.
+
+        A scanner reports nothing as +Inf, NaN (REP 117), 0 or a value beyond its limits. -Inf,
+        too close to measure, is a measurement.
+
+        Args:
+            values: what the messages say.
+            least: (n,) least range of each message; None where it does not tell.
+            greatest: (n,) greatest range; likewise. One of 0 or less, or NaN, is not set.
+        """
+        low, high = None, None
+        if isinstance(self.limits, tuple):
+            low, high = (np.full(1, limit) for limit in self.limits)
+        elif self.limits != 'ignore':
+            if least is not None and self.needs_least:
+                low = np.where(least > 0, least, -np.inf)
+            if greatest is not None and self.uses_greatest:
+                high = np.where(greatest > 0, greatest, np.inf)
+        measured = values != 0.0
+        if high is None:
+            measured &= values < np.inf
+        else:
+            high = _exact(np.minimum(high, np.finfo(values.dtype).max), values.dtype)
+            measured &= values <= high[:, np.newaxis]
+        if low is not None:
+            low = _exact(low, values.dtype)
+            measured &= (values >= low[:, np.newaxis]) | (values == -np.inf)
+        return measured
 
 
-def fill_unmeasured(numbers: np.ndarray, missing: str, limits: np.ndarray | None) -> np.ndarray:
-    """Return numbers, each a field of its own, with ``missing`` applied, see :class:`Reading`.
+def fill_unmeasured(
+    numbers: np.ndarray,
+    rule: RangeRule,
+    least: np.ndarray | None,
+    greatest: np.ndarray | None,
+) -> np.ndarray:
+    """Return numbers, each a field of its own, with a rule applied.
 
     Args:
         numbers: (n,) float64.
-        missing: ``unknown``, ``max_range`` or ``drop``.
-        limits: (n,) greatest range of each message; needed for ``max_range`` only.
+        rule: says which are measurements.
+        least: (n,) least range of each message; None where it does not tell.
+        greatest: (n,) greatest range; likewise.
     """
-    if missing == 'unknown':
+    if rule.is_plain:
         return numbers
-    if missing == 'drop' or limits is None:
-        limits = np.full(1, np.nan)
-    return np.where(is_measured(numbers), numbers, limits)
+    measured = rule.is_measured(numbers[:, np.newaxis], least, greatest)[:, 0]
+    if rule.missing == 'unknown':
+        # What is not finite stays as it is.
+        return np.where(measured | ~np.isfinite(numbers), numbers, np.nan)
+    filling = greatest if rule.missing == 'max_range' else None
+    return np.where(measured, numbers, np.full(1, np.nan) if filling is None else filling)
 
 
-def yaw_vector(x: Any, y: Any, z: Any, w: Any) -> tuple[Any, Any]:
-    """Return sine and cosine of the yaw of quaternions, times their squared length."""
-    return 2.0 * (w * z + x * y), w * w + x * x - y * y - z * z
+def angle_parts(angle: str, x: Any, y: Any, z: Any, w: Any) -> tuple[Any, Any, Any]:
+    """Return of an angle of quaternions what :func:`angle_of` makes it from.
+
+    Each is a sum of products, so that one message and many give the same bits.
+
+    Args:
+        angle: ``yaw``, ``roll`` or ``pitch``, as REP 103 has them: turns about the fixed axes x, y
+            and z, in this order; or ``tilt``, between the z axes of body and world.
+        x: first of the parts, which may be of any length.
+        y: likewise.
+        z: likewise.
+        w: likewise.
+
+    Returns:
+        Two parts of the angle's sine, and its cosine, times the squared length.
+    """
+    if angle == 'yaw':
+        return 2.0 * (w * z + x * y), 0.0 * w, w * w + x * x - y * y - z * z
+    if angle == 'roll':
+        return 2.0 * (w * x + y * z), 0.0 * w, w * w - x * x - y * y + z * z
+    if angle == 'tilt':
+        return 2.0 * (x * z + w * y), 2.0 * (y * z - w * x), w * w - x * x - y * y + z * z
+    return 2.0 * (w * y - x * z), 0.0 * w, w * w + x * x + y * y + z * z
 
 
-def yaw_angle(sine: float, cosine: float) -> float:
-    """Return the yaw in rad; NaN for a quaternion of zeros, which is an orientation not set."""
-    # Not NumPy's arctangent, which may differ in the last bit.
-    return math.atan2(sine, cosine) if sine or cosine else math.nan
+def angle_of(angle: str, sine: float, other: float, cosine: float) -> float:
+    """Return the angle in rad; NaN for a quaternion of zeros, which is an orientation not set."""
+    # Not NumPy's functions, which may differ in the last bit.
+    if not (sine or other or cosine):
+        return math.nan
+    if angle == 'pitch':
+        # Here the third part is the squared length.
+        return math.asin(min(max(sine / cosine, -1.0), 1.0)) if cosine > 0.0 else math.nan
+    if angle == 'tilt':
+        return math.atan2(math.sqrt(sine * sine + other * other), cosine)
+    return math.atan2(sine, cosine)
 
 
 def sector_beams(name: str, reading: Reading, geometry: Geometry, count: int) -> np.ndarray:
@@ -75,14 +178,13 @@ def sector_beams(name: str, reading: Reading, geometry: Geometry, count: int) ->
 
     Args:
         name: the feature's, for errors.
-        reading: its ``degrees`` are the sector.
+        reading: its ``degrees`` are the sector, without what its ``exclude_degrees`` leave out.
         geometry: of the scan.
         count: number of beams.
 
     Raises:
         DataError: there is none, or the angles of the scan make no sense.
     """
-    assert reading.degrees is not None
     first, step = geometry
     angles = np.degrees(first + step * np.arange(count)) * _PER_DEGREE
     if not (np.abs(angles) <= _LARGEST_ANGLE * _PER_DEGREE).all():
@@ -91,56 +193,65 @@ def sector_beams(name: str, reading: Reading, geometry: Geometry, count: int) ->
             f'angle_increment {step:g}; allowed are beams within some turns'
         )
     angles = np.rint(angles).astype(np.int64)
-    low, high = (round(angle * _PER_DEGREE) for angle in reading.degrees)
-    inside = np.flatnonzero((angles - low) % _CIRCLE < high - low)
+    sector = reading.degrees or (0.0, FULL_CIRCLE)
+    is_inside = _is_in_sector(angles, sector)
+    for excluded in reading.exclude_degrees:
+        is_inside &= ~_is_in_sector(angles, excluded)
+    inside = np.flatnonzero(is_inside)
     if not len(inside):
         ends = sorted((int(angles[0]), int(angles[-1])))
+        besides = ', besides exclude_degrees' if reading.exclude_degrees else ''
         raise DataError(
             f'feature {name!r} of topic {reading.topic!r} asks for the sector from '
-            f'{low / _PER_DEGREE:g} to {high / _PER_DEGREE:g} degrees, but no beam of the '
-            f'scan is there; its beams go from {ends[0] / _PER_DEGREE:g} to '
+            f'{sector[0]:g} to {sector[1]:g} degrees, but no beam of the '
+            f'scan is there{besides}; its beams go from {ends[0] / _PER_DEGREE:g} to '
             f'{ends[1] / _PER_DEGREE:g} degrees'
         )
     return inside
+
+
+def _is_in_sector(angles: np.ndarray, degrees: tuple[float, float]) -> np.ndarray:
+    low, high = (round(angle * _PER_DEGREE) for angle in degrees)
+    return (angles - low) % _CIRCLE < high - low
 
 
 class ArrayReductions:
     """Reductions of one array field, which share one meaning of what was not measured.
 
     Args:
-        readings: ``(column, feature, reading)`` of each; all have the same field and ``missing``.
+        readings: ``(column, feature, reading)`` of each; all have the same field and rule.
 
     Attributes:
-        needs_limits: whether :meth:`reduce` has to be told the greatest ranges.
-        needs_geometry: whether it has to be told the scan's geometry.
+        rule: which values are measurements.
+        needs_geometry: whether :meth:`reduce` has to be told the scan's geometry.
     """
 
     def __init__(self, readings: Sequence[tuple[int, str, Reading]]) -> None:
-        self._missing = readings[0][2].missing
+        self.rule = RangeRule.of(readings[0][2])
         self._columns = np.array([column for column, _, _ in readings])
-        self._whole = [item for item in readings if item[2].degrees is None]
-        self._sectors = [item for item in readings if item[2].degrees is not None]
-        self.needs_limits = self._missing == 'max_range'
+        self._whole = [item for item in readings if not item[2].is_sector]
+        self._sectors = [item for item in readings if item[2].is_sector]
         self.needs_geometry = bool(self._sectors)
         # Of the scan before: scans keep their geometry, as a rule.
         self._layout: tuple[Geometry | None, int] | None = None
         self._extremes: list[_Pieces] = []
         self._sums: list[tuple[int, str, _Indices]] = []
+        self._counts = [column for column, _, item in readings if item.reduce == _COUNT]
 
     def reduce(
         self,
         values: np.ndarray,
-        limits: np.ndarray | None,
+        limits: tuple[np.ndarray | None, np.ndarray | None],
         geometry: Geometry | None,
         numbers: np.ndarray,
     ) -> None:
         """Put the reductions into ``numbers``, NaN where nothing was measured.
 
-        Empty arrays leave ``numbers`` as they are.
+        Empty arrays leave ``numbers`` as they are, but for their count of 0.
 
         Args:
             values: (n, length) float64, or float32 as stored.
-            limits: (n,) greatest range of each message.
+            limits: (n,) least and greatest range of each message; None where it does not tell.
             geometry: of all these scans.
             numbers: (n, k) float64, in whose columns the results go.
 
@@ -148,22 +259,27 @@ class ArrayReductions:
             DataError: a sector has no beam.
         """
         if not values.shape[1]:
+            numbers[:, self._counts] = 0.0
             return
-        measured, blind = None, _NONE
-        if self._missing == 'drop':
-            measured = is_measured(values)
-        elif limits is not None and self.needs_limits:
-            blind = _blind(values)
-            # Comparing float32 as it is takes half the time, and is exact when both are.
-            limit = limits.astype(values.dtype, copy=False)
-            if limit is not limits and not np.array_equal(limit, limits, equal_nan=True):
-                limit = limits
-            values = np.where(is_measured(values), values, limit[:, np.newaxis])
+        rule, measured, blind = self.rule, None, _NONE
+        if not rule.is_plain:
+            measured = rule.is_measured(values, *limits)
+            if rule.missing == 'max_range' and limits[1] is not None:
+                blind = _blind(values, measured)
+                filling = _exact(limits[1], values.dtype)[:, np.newaxis]
+                values, measured = np.where(measured, values, filling), None
+            elif rule.missing == 'unknown':
+                values = np.where(measured | ~np.isfinite(values), values, np.nan)
+                measured = None
         if (geometry, values.shape[1]) != self._layout:
             self._lay_out(geometry, values.shape[1])
         for pieces in self._extremes:
             numbers[:, pieces.columns] = pieces.find(values, measured)
         for column, reduction, beams in self._sums:
+            if reduction == _COUNT:
+                kept = np.ones_like(values, dtype=bool) if measured is None else measured
+                numbers[:, column] = np.count_nonzero(kept[:, beams], axis=1)
+                continue
             lines = values[:, beams].astype(np.float64, order='C', copy=False)
             if measured is None and reduction == 'mean':
                 numbers[:, column] = lines.mean(axis=1)
@@ -183,7 +299,7 @@ class ArrayReductions:
             for column, name, item in self._sectors:
                 inside = sector_beams(name, item, geometry, count)
                 beams.append((column, str(item.reduce), _as_slice(inside)))
-        self._sums = [item for item in beams if item[1] in _SUMS]
+        self._sums = [item for item in beams if item[1] not in _EXTREMES]
         self._extremes = []
         for reduction in _EXTREMES:
             members = [(column, part) for column, how, part in beams if how == reduction]
@@ -243,13 +359,19 @@ class _Pieces:
         return pick.reduceat(pieces.take(self.order, axis=1), self.parts, axis=1)
 
 
-def _blind(values: np.ndarray) -> np.ndarray:
+def _exact(limits: np.ndarray, dtype: Any) -> np.ndarray:
+    """Return limits in the type of the values if they are exact in it, else as they are."""
+    # Comparing float32 as it is takes half the time.
+    cast = limits.astype(dtype, copy=False)
+    return cast if cast is limits or np.array_equal(cast, limits, equal_nan=True) else limits
+
+
+def _blind(values: np.ndarray, measured: np.ndarray) -> np.ndarray:
     """Return the indices of scans without a return and without an "+Inf: nothing in range"."""
-    returns = np.logical_or.reduce(values > 0, axis=1)
-    if np.count_nonzero(returns) == len(returns):
+    if np.logical_or.reduce(measured, axis=1).all() and not np.count_nonzero(values < 0):
         return _NONE
-    blind = np.flatnonzero(~returns)
-    return blind[~np.isneginf(values[blind]).any(axis=1)]
+    returns = (measured & (values > 0)) | np.isinf(values)
+    return np.flatnonzero(~np.logical_or.reduce(returns, axis=1))
 
 
 def _as_slice(indices: np.ndarray) -> _Indices:

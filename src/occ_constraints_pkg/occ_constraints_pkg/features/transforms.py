@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from occ_constraints_pkg.features.feature_map import FeatureMap
-from occ_constraints_pkg.features.sources import Step
+from occ_constraints_pkg.features.sources import ROUND_ANGLES, Step
 
 
 class RowTransforms:
@@ -23,36 +23,32 @@ class RowTransforms:
     def __init__(self, feature_map: FeatureMap) -> None:
         features = feature_map.features
         self._count = len(features)
-        minus = [
-            (index, item.reduce == item.minus.reduce == 'yaw')
-            for index, item in enumerate(features)
-            if item.minus is not None
-        ]
-        # (feature, what is subtracted from it, whether both are angles)
-        self._minus = [
-            (index, self._count + offset, is_angle)
-            for offset, (index, is_angle) in enumerate(minus)
-        ]
-        subtracted = {place: other for place, other, _ in self._minus}
-        self._steps: list[
-            tuple[int, tuple[Step, ...], _Rate | None, tuple[Step, ...], list[int]]
-        ] = []
+        # (feature, what is subtracted from it, whether both are angles that go round)
+        self._minus: list[tuple[int, int, bool]] = []
+        self._before: list[_Steps] = []
+        self._after: list[_Steps] = []
         for place, item in enumerate(features):
-            if steps := item.steps:
-                names = [step[0] for step in steps]
-                at = names.index('rate') if 'rate' in names else len(names)
-                rate = None
-                if at < len(names):
-                    # Before abs or a scale, a turn by pi to the other side is a small one.
-                    is_angle = item.reduce == 'yaw' and at == 0
-                    rate = _Rate(round(feature_map.max_age * 1e9), is_angle=is_angle)
-                read = [place, *([subtracted[place]] if place in subtracted else [])]
-                self._steps.append((place, steps[:at], rate, steps[at + 1 :], read))
+            max_gap_ns = feature_map.max_age_ns(item.reading)
+            is_angle, read = item.reduce in ROUND_ANGLES, [place]
+            if item.minus is not None:
+                other = self._count + len(self._minus)
+                is_round = item.minus.reduce in ROUND_ANGLES
+                # Before abs or a scale, a turn by pi to the other side is a small one.
+                is_same = is_round and all(step[0] == 'offset' for step in item.minus.transform)
+                self._minus.append((place, other, is_angle and is_same))
+                if item.minus.transform:
+                    gap_ns = feature_map.max_age_ns(item.minus)
+                    self._before.append(
+                        _Steps(other, item.minus.transform, gap_ns, [other], is_angle=is_round)
+                    )
+                is_angle, read = is_angle and is_same, [place, other]
+            if item.steps:
+                self._after.append(_Steps(place, item.steps, max_gap_ns, read, is_angle=is_angle))
 
     @property
     def has_memory(self) -> bool:
         """Whether a row depends on the row before."""
-        return any(rate is not None for _, _, rate, _, _ in self._steps)
+        return any(steps.has_memory for steps in (*self._before, *self._after))
 
     def apply(
         self,
@@ -70,18 +66,58 @@ class RowTransforms:
             restarted: (rows,) bool: rows that do not go on from the row before, for a new episode
                 began; None for no row.
         """
+        for steps in self._before:
+            steps.apply(read, stamps_ns, row_ns, restarted)
         for place, other, is_angle in self._minus:
             difference = read[:, place] - read[:, other]
             read[:, place] = _wrapped(difference) if is_angle else difference
         values = read[:, : self._count] if self._minus else read
-        for place, before, rate, after, parts in self._steps:
-            column = _apply(before, values[:, place])
-            if rate is not None:
-                stamps = [stamp for part in parts if (stamp := stamps_ns[part]) is not None]
-                now = max(stamps) if len(stamps) == len(parts) else row_ns
-                column = _apply(after, rate.step(column, now, restarted))
-            values[:, place] = column
+        for steps in self._after:
+            steps.apply(values, stamps_ns, row_ns, restarted)
         return values
+
+
+class _Steps:
+    """The steps of one column.
+
+    Args:
+        place: the column.
+        steps: what is done to it, in order.
+        max_gap_ns: see :class:`_Rate`.
+        read: the readings that it is made of.
+        is_angle: whether it is an angle that goes round.
+    """
+
+    def __init__(
+        self,
+        place: int,
+        steps: tuple[Step, ...],
+        max_gap_ns: int,
+        read: list[int],
+        *,
+        is_angle: bool,
+    ) -> None:
+        names = [step[0] for step in steps]
+        self._place, self._read = place, read
+        at = names.index('rate') if 'rate' in names else len(names)
+        self._before, self._after = steps[:at], steps[at + 1 :]
+        self.has_memory = at < len(names)
+        self._rate = _Rate(max_gap_ns, is_angle=is_angle and at == 0)
+
+    def apply(
+        self,
+        values: np.ndarray,
+        stamps_ns: Sequence[int | None],
+        row_ns: int,
+        restarted: np.ndarray | None,
+    ) -> None:
+        """Change the column in (rows, columns) values; see :meth:`RowTransforms.apply`."""
+        column = _apply(self._before, values[:, self._place])
+        if self.has_memory:
+            stamps = [stamp for part in self._read if (stamp := stamps_ns[part]) is not None]
+            now = max(stamps) if len(stamps) == len(self._read) else row_ns
+            column = _apply(self._after, self._rate.step(column, now, restarted))
+        values[:, self._place] = column
 
 
 class _Rate:

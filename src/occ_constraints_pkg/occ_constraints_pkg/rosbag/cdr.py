@@ -76,6 +76,7 @@ class CdrFields:
 
     A path may lead to a number, to an array or sequence of numbers, to an element or slice of
     one, and to a part with fields x and y: then it stands for all of x, y, z and w that are there.
+    To a sequence of strings, it stands for where that begins and ends in the data.
 
     Args:
         definitions: type name to its parsed definition, as a ``rosbags`` typestore has them.
@@ -83,8 +84,8 @@ class CdrFields:
         paths: the fields.
 
     Attributes:
-        kinds: for each path, whether it leads to a ``number``, a ``vector`` (the fields x, y, ...)
-            or an ``array``.
+        kinds: for each path, whether it leads to a ``number``, a ``vector`` (the fields x, y, ...),
+            an ``array``, or ``texts``.
 
     Raises:
         UnreadableError: the type has no such field, or has a kind of part that only a decoder
@@ -139,6 +140,9 @@ class _Leaf:
 
     def read(self, cursor: _Cursor) -> list[Group]:
         rows = np.arange(len(cursor.body))
+        if self.kind == 'texts':
+            ends = [cursor.body + cursor.found[key] for key in self.keys]
+            return [Group(rows, np.stack(ends, axis=1), 0, 2)]
         if self.length is None:
             columns = [
                 cursor.numbers(dtype, cursor.body + cursor.found[key])
@@ -316,8 +320,12 @@ class _Compiler:
             for (number, _), path in wanted.items():
                 self._add_array(number, path, dtype, key, -1)
             return
-        if wanted:
+        numbers = [number for number, _ in wanted]
+        if any(wanted.values()) or (wanted and kind != Nodetype.BASE):
             raise UnreadableError('parts of a sequence of messages are read one at a time')
+        ends = object(), object()
+        if numbers:
+            self._do(_note, self.offset, ends[0])
         layout = self._layout(argument) if kind == Nodetype.NAME else None
         if layout is not None:
             self._do(_pass_parts, self.offset, *layout)
@@ -331,6 +339,9 @@ class _Compiler:
             inner.advance()
             self._do(_pass_each, self.offset, inner.steps)
         self.offset, self.known = 0, 1
+        if numbers:
+            self._do(_note, self.offset, ends[1])
+            self.leaves.update({number: _Leaf('texts', (), ends) for number in numbers})
 
     def _add_array(
         self, number: int, path: Path, dtype: np.dtype, key: object, length: int
@@ -338,8 +349,8 @@ class _Compiler:
         if len(path) > 1:
             raise UnreadableError('a number has no parts')
         step = path[0] if path else None
-        if isinstance(step, str):
-            raise UnreadableError('an array has no fields')
+        if not isinstance(step, int | slice | None):
+            raise UnreadableError('an array has no fields, and no names of elements')
         kind = 'number' if isinstance(step, int) else 'array'
         self.leaves[number] = _Leaf(kind, (dtype.str,), (key,), step, length)
 
@@ -414,6 +425,24 @@ def _number_dtype(name: str) -> np.dtype:
     if name not in _DTYPES:
         raise UnreadableError(f'there are no numbers of kind {name}')
     return np.dtype(_DTYPES[name])
+
+
+def read_texts(data: bytes | memoryview) -> list[str]:
+    """Return the strings of a sequence, from the bytes between its ends.
+
+    Raises:
+        UnreadableError: they are not such a sequence.
+    """
+    texts, place = [], 4
+    try:
+        for _ in range(int.from_bytes(data[:4], 'little')):
+            place = -(-place // 4) * 4
+            end = place + 4 + int.from_bytes(data[place : place + 4], 'little')
+            texts.append(bytes(data[place + 4 : end - 1]).decode())
+            place = end
+    except UnicodeDecodeError as error:
+        raise UnreadableError('a string is not in UTF-8') from error
+    return texts
 
 
 def _advance(cursor: _Cursor, offset: int) -> None:

@@ -4,20 +4,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from occ_constraints_pkg.datasets.blocks import BlockExtractor
 from occ_constraints_pkg.datasets.extraction import rows_of
-from occ_constraints_pkg.datasets.topic_columns import TopicColumns
 from occ_constraints_pkg.errors import DataError
 from occ_constraints_pkg.features.extractor import FeatureExtractor
 from occ_constraints_pkg.features.feature_map import FeatureMap, topic_key
-from occ_constraints_pkg.features.sources import FeatureSource
+from occ_constraints_pkg.features.sources import FeatureSource, Reading
 from occ_constraints_pkg.rosbag.recording import Recording
-from occ_constraints_pkg.rosbag.storage import Block
 
 # A feature that cannot be judged in more than this share of the rows is a problem.
 TOLERATED_SHARE = 0.05
@@ -102,15 +100,15 @@ class MapRows:
         feature_map: what was computed.
         values: (n, k) float64.
         stamps_ns: (n,) the rows' times.
-        ages_ns: by topic without leading slash, for each row the distance to the topic's latest
-            message, in ns; NaN before the first one.
+        ages_ns: (n, readings) how far each reading's message is from the row, in ns; NaN before
+            the first one.
         warnings: see :class:`MapStatistics`.
     """
 
     feature_map: FeatureMap
     values: np.ndarray
     stamps_ns: np.ndarray
-    ages_ns: dict[str, np.ndarray]
+    ages_ns: np.ndarray
     warnings: tuple[str, ...]
 
     def statistics(self) -> MapStatistics:
@@ -123,17 +121,23 @@ class MapRows:
             usable=float((inside & np.isfinite(self.values)).all(axis=1).mean()),
             clock_jumps=int(np.count_nonzero(np.diff(when) < 0)),
             features=tuple(
-                _feature_statistics(
-                    source,
-                    self.values[:, place],
-                    when,
-                    self.ages_ns,
-                    round(self.feature_map.max_age * 1e9),
+                _feature_statistics(source, self.values[:, place], when, aging)
+                for place, (source, aging) in enumerate(
+                    zip(self.feature_map.features, self._aging(), strict=True)
                 )
-                for place, source in enumerate(self.feature_map.features)
             ),
             warnings=self.warnings,
         )
+
+    def _aging(self) -> Iterator[list[tuple[Reading, np.ndarray, int]]]:
+        """Yield for each feature the age and the greatest age of each of its readings."""
+        subtracted = iter(range(len(self.feature_map.features), self.ages_ns.shape[1]))
+        for place, source in enumerate(self.feature_map.features):
+            places = [place] if source.minus is None else [place, next(subtracted)]
+            yield [
+                (reading, self.ages_ns[:, at], self.feature_map.max_age_ns(reading))
+                for reading, at in zip(source.readings, places, strict=True)
+            ]
 
 
 def map_statistics(
@@ -171,11 +175,11 @@ def map_rows(
     total, done = sum(recording.topics[name].count for name in topics.values()), 0
     parts: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
     if BlockExtractor.reads(recording, topics, feature_map):
-        extractor = BlockExtractor(recording, topics, feature_map)
-        ages = _Ages(recording, list(topics.values()))
+        extractor = BlockExtractor(recording, topics, feature_map, with_ages=True)
         for block in recording.blocks(list(topics.values())):
-            for found in extractor.rows(block):
-                parts.append((found.values, found.stamps_ns, ages.of(block, found.messages)))
+            parts += [
+                (found.values, found.stamps_ns, found.ages_ns) for found in extractor.rows(block)
+            ]
             done += len(block)
             if progress is not None:
                 progress(done, total)
@@ -186,12 +190,8 @@ def map_rows(
             f'{recording.path} gives no row: nothing came on '
             f'{feature_map.pace or ", ".join(feature_map.topics)}'
         )
-    values, stamps, age = (np.concatenate(column) for column in zip(*parts, strict=True))
-    pace = topic_key(feature_map.pace)
-    others = [key for key in topics if key != pace]
-    return MapRows(
-        feature_map, values, stamps, dict(zip(others, age.T, strict=True)), recording.warnings
-    )
+    values, stamps, ages = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return MapRows(feature_map, values, stamps, ages, recording.warnings)
 
 
 def _one_by_one(
@@ -210,70 +210,37 @@ def _one_by_one(
             progress(done, total)
 
     extractor = FeatureExtractor(feature_map)
-    topics = [topic for topic in feature_map.topics if topic_key(topic) != extractor.pace_key]
     for rows in rows_of(recording, extractor, tick):
         count = len(rows.values)
         if not rows.repeat and count:
-            age = extractor.ages_ns()
-            row = [np.nan if age[topic] is None else float(age[topic]) for topic in topics]
+            row = [np.nan if age is None else float(age) for age in extractor.ages_ns()]
             yield (
                 rows.values,
                 np.full(count, rows.stamp_ns, dtype=np.int64),
-                np.broadcast_to(row, (count, len(topics))),
+                np.broadcast_to(row, (count, len(row))),
             )
-
-
-class _Ages:
-    """How old the latest messages of topics are at those of the first of them, block by block."""
-
-    def __init__(self, recording: Recording, topics: list[str]) -> None:
-        self._columns = [TopicColumns(recording, topic, ()) for topic in topics]
-        # Stamp and arrival of each topic's last message.
-        self._last: list[tuple[int, int] | None] = [None] * len(topics)
-
-    def of(self, block: Block, messages: np.ndarray) -> np.ndarray:
-        """Return the (n, other topics) ages in ns; NaN before a topic's first message."""
-        stamps, times = self._columns[0].read(block, messages)[1], block.times[messages]
-        ages = np.full((len(messages), len(self._columns) - 1), np.nan)
-        for number in range(1, len(self._columns)):
-            rows = np.flatnonzero(block.topics == number)
-            own = self._columns[number].read(block, rows)[1], block.times[rows]
-            last = self._last[number]
-            latest = np.searchsorted(rows, messages) - 1 + (last is not None)
-            if last is not None:
-                own = np.append(last[0], own[0]), np.append(last[1], own[1])
-            if len(own[0]):
-                is_there = latest >= 0
-                stamp, time = own[0][latest], own[1][latest]
-                by_arrival = (stamps == 0) | (stamp == 0)
-                age = np.abs(np.where(by_arrival, times - time, stamps - stamp))
-                ages[:, number - 1] = np.where(is_there, age, np.nan)
-                self._last[number] = int(own[0][-1]), int(own[1][-1])
-        return ages
 
 
 def _feature_statistics(
     source: FeatureSource,
     values: np.ndarray,
     stamps_ns: np.ndarray,
-    ages_ns: dict[str, np.ndarray],
-    max_age_ns: int,
+    aging: list[tuple[Reading, np.ndarray, int]],
 ) -> FeatureStatistics:
     missing = ~np.isfinite(values)
     outside = ~missing & ((values < source.low) | (values > source.high))
     good = values[~missing & ~outside]
     low, median, high = np.percentile(good, [0, 50, 100]) if good.size else [np.nan] * 3
-    readings = [source.reading, *filter(None, [source.minus])]
     stale = np.zeros(len(values), dtype=bool)
-    for key in {topic_key(reading.topic) for reading in readings} & ages_ns.keys():
-        stale |= ~(ages_ns[key] <= max_age_ns)
+    for _, ages_ns, max_age_ns in aging:
+        stale |= ~(ages_ns <= max_age_ns)
     problem = ''
     bad = np.flatnonzero(missing | outside)
     if bad.size:
         row = bad[0]
         problem = f'{(stamps_ns[row] - stamps_ns[0]) * 1e-9:.2f} s: '
-        ages = {key: float(age[row]) for key, age in ages_ns.items()}
-        problem += _reason(source, float(values[row]), ages, max_age_ns)
+        ages = [(reading, float(age[row]), allowed) for reading, age, allowed in aging]
+        problem += _reason(source, float(values[row]), ages)
     return FeatureStatistics(
         source=source,
         low=float(low),
@@ -290,12 +257,13 @@ def _feature_statistics(
     )
 
 
-def _reason(source: FeatureSource, value: float, ages_ns: dict[str, float], max_age_ns: int) -> str:
+def _reason(
+    source: FeatureSource, value: float, aging: Iterable[tuple[Reading, float, int]]
+) -> str:
     """Say in words why a value cannot be judged."""
     if np.isfinite(value):
         return f'{value:g} is outside the bounds [{source.low:g}, {source.high:g}]'
-    for reading in filter(None, (source.reading, source.minus)):
-        age = ages_ns.get(topic_key(reading.topic), 0.0)
+    for reading, age, max_age_ns in aging:
         if np.isnan(age):
             return f'no message on {reading.topic} yet'
         if age > max_age_ns:

@@ -51,6 +51,9 @@ _PACES = (
 )
 # A drained battery is told below what was seen by this share of the usual value, and more.
 _DRAIN_SHARE = 0.02
+# Where one of these is measured, commands are comments; those of unknown types beside anything.
+_MOTION = {'table', 'Odometry', 'velocity', 'motion', 'joints'}
+_OTHERS = set(KINDS) - {'command'}
 # Slower topics have an age of their own.
 _SLOW_S = 0.5
 # A second recording outside of what the first shows for more than this share of its rows is told.
@@ -224,7 +227,7 @@ def _set_aside(candidates: Sequence[Candidate]) -> None:
             continue
         if item.kind == 'table' and item.topic.name != richest:
             item.aside = f'the table {richest} is used instead'
-        if item.kind == 'command' and kinds - {'command'}:
+        if item.kind == 'command' and kinds & (_OTHERS if item.is_brief else _MOTION):
             item.aside = (
                 'commands stop when nobody drives, and a missing value makes the verdict UNKNOWN'
             )

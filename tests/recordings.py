@@ -36,6 +36,11 @@ def odd():
 
 
 @pytest.fixture(scope='session')
+def cases():
+    return _data('cases')
+
+
+@pytest.fixture(scope='session')
 def driving():
     """Return the folder of recorded road traffic."""
     return _data('driving')

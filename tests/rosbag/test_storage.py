@@ -177,11 +177,18 @@ def test_one_topic_with_two_types_or_definitions(tmp_path):
     assert numbers(Recording(tmp_path)) == [0, 0]
     write_mcap(tmp_path / 'bag_2.mcap', [3], schema=b'uint64 data\nuint64 more\n')
     with pytest.raises(OccError, match="topic '/n' with two definitions"):
-        Recording(tmp_path)
+        numbers(Recording(tmp_path))
     (tmp_path / 'bag_2.mcap').unlink()
     write_sqlite(tmp_path / 'bag_3.db3', [3], msgtype='std_msgs/msg/String')
-    with pytest.raises(OccError, match="with two types, 'std_msgs/msg/UInt64' and 'std_msgs/"):
-        Recording(tmp_path)
+    write_mcap(tmp_path / 'bag_4.mcap', [7], topics=('/other',))
+    recording = Recording(tmp_path)
+    for read in (numbers, lambda item: item.fields('/n')):
+        with pytest.raises(OccError, match="two types, 'std_msgs/msg/UInt64' and 'std_msgs/"):
+            read(recording)
+    assert 'two types' in recording.problem('/n')
+    # Whoever does not need the topic is not stopped by it.
+    assert [raw.topic for raw in recording.messages(['other'])] == ['/other']
+    assert recording.problem('/other') == ''
 
 
 def test_two_topics_with_one_type_of_two_definitions(tmp_path):

@@ -71,6 +71,32 @@ def test_what_stands_or_walks_is_left_out(read):
     assert "1 of kind 'pedestrian' left out" in trajectories.warnings[0]
 
 
+@pytest.mark.parametrize(
+    ('old', 'new', 'reason'),
+    [
+        (
+            '<rectangle><length>4.0</length><width>2.0</width></rectangle>',
+            '<circle><radius>1.0</radius></circle>',
+            '1 with the shape circle left out',
+        ),
+        (
+            '<velocity><exact>20.0</exact></velocity>',
+            '<velocity><intervalStart>19</intervalStart><intervalEnd>21</intervalEnd></velocity>',
+            '1 with intervals instead of exact values left out',
+        ),
+        ('trajectory>', 'occupancySet>', '1 given by occupied areas left out'),
+        ('point>', 'lanelet>', '1 at areas instead of points left out'),
+    ],
+)
+def test_what_is_not_exact_is_left_out(read, old, new, reason):
+    first, obstacle, rest = commonroad_text().partition('<dynamicObstacle')
+    obstacle, end, rest = rest.partition('</dynamicObstacle>')
+    assert old in obstacle
+    trajectories = read(f'{first}<dynamicObstacle{obstacle.replace(old, new)}{end}{rest}')
+    assert set(trajectories.vehicle) == {12, 13}
+    assert reason in trajectories.warnings[0]
+
+
 MALFORMED = {
     'another file': (None, '<gpx/>', r'line 1: <gpx> is no scenario; allowed is <commonRoad>'),
     'version': ('"2020a"', '"2006"', r"line 2: <commonRoad> has the version '2006'; allowed are"),

@@ -23,6 +23,23 @@ DATA = click.argument('paths', metavar='DATA...', nargs=-1, required=True, type=
 OVERWRITE = click.option(
     '--overwrite', is_flag=True, help='Replace a file with edited rules (keeps .bak).'
 )
+
+
+def _search_folder(_context: Any, _parameter: Any, folder: str | None) -> None:
+    if folder:
+        from occ_constraints_pkg.rosbag.definitions import search_folder
+
+        search_folder(folder)
+
+
+DEFINITIONS = click.option(
+    '--definitions',
+    metavar='DIR',
+    type=click.Path(exists=True, file_okay=False),
+    callback=_search_folder,
+    expose_value=False,
+    help='Folder with PACKAGE/msg/*.msg or .idl, for types that a recording does not define.',
+)
 JSON = click.option('--json', 'as_json', is_flag=True, help='Print one JSON object.')
 
 

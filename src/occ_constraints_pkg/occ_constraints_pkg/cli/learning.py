@@ -11,6 +11,7 @@ import click
 
 from occ_constraints_pkg.cli.common import (
     DATA,
+    DEFINITIONS,
     FEATURE_MAP_HELP,
     JSON,
     OVERWRITE,
@@ -37,6 +38,7 @@ from occ_constraints_pkg.learning.settings import OCTreeSettings
 
 @click.command()
 @DATA
+@DEFINITIONS
 @click.option('-m', '--map', 'map_name', help=f'{FEATURE_MAP_HELP} Recordings need one.')
 @click.option(
     '-o',

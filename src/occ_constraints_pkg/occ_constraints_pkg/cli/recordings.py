@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Commands on recordings: ``occ features``, ``record``, ``play`` and ``import``.
+"""Commands on recordings: ``occ info``, ``features``, ``record``, ``play`` and ``import``.
 
 ``record`` and ``play`` take the options of ``ros2 bag`` where the same thing exists here.
 """
@@ -17,6 +17,7 @@ from typing import Any
 import click
 
 from occ_constraints_pkg.cli.common import (
+    DEFINITIONS,
     JSON,
     end_tidily,
     help_without_command,
@@ -30,6 +31,32 @@ from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.files import FEATURE_MAP, write_text
 from occ_constraints_pkg.traffic.formats import FORMATS
 from occ_constraints_pkg.wording import count_of
+
+
+@click.command()
+@click.argument('bag', type=click.Path())
+@DEFINITIONS
+@JSON
+def info(bag: str, as_json: bool) -> None:
+    """Show what a recording holds: topics, rates, gaps, clocks, what can be learned from.
+
+    For each topic, "stamp to log" is the median time from its header stamps to the log times.
+
+    \b
+    Example: occ info bags/drive_1
+    """
+    from occ_constraints_pkg.datasets.overview import overview_of
+    from occ_constraints_pkg.datasets.overview_text import describe_overview, overview_document
+    from occ_constraints_pkg.rosbag.recording import Recording
+
+    with progress_bar('reading') as progress:
+        seen = overview_of(Recording(bag), progress)
+    for sentence in seen.warnings:
+        warn(sentence)
+    if as_json:
+        print_json(overview_document(seen))
+    else:
+        say_lines(describe_overview(seen))
 
 
 @click.group(invoke_without_command=True)
@@ -53,6 +80,7 @@ def features(context: click.Context) -> None:
     'name ends in that of the robot.',
 )
 @click.option('--robot', help='Namespace of the robot to suggest a map for; default: each.')
+@DEFINITIONS
 @JSON
 def suggest(bags: tuple[str, ...], output: str | None, robot: str | None, as_json: bool) -> int:
     """Inspect recordings of a robot and write a commented feature map.
@@ -121,6 +149,7 @@ def _refuse_existing(paths: Sequence[str | None]) -> None:
 @features.command('check')
 @click.argument('bag', type=click.Path())
 @click.argument('map_name', metavar='MAP')
+@DEFINITIONS
 @JSON
 def check_map(bag: str, map_name: str, as_json: bool) -> int:
     """Show what a feature map extracts from a recording.

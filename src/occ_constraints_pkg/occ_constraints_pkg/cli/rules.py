@@ -13,6 +13,7 @@ import click
 from occ_constraints_pkg.checking.timeline import BRIDGE_SECONDS, TIMEOUT_SECONDS, check_data
 from occ_constraints_pkg.cli.common import (
     DATA,
+    DEFINITIONS,
     JSON,
     OVERWRITE,
     Seconds,
@@ -77,6 +78,7 @@ def show(constraints: str, why: str | None, traffic: bool, as_json: bool) -> Non
 
 @click.command()
 @DATA
+@DEFINITIONS
 @click.option('-c', '--constraints', required=True, type=click.Path(), help='Constraints file.')
 @click.option(
     '--count',
@@ -194,6 +196,7 @@ def check(
 @click.command()
 @_FILE
 @DATA
+@DEFINITIONS
 @click.option('--min-f1', type=click.FloatRange(0.0, 1.0), help='Exit code 1 when F1 is below.')
 @JSON
 def score(constraints: str, paths: tuple[str, ...], min_f1: float | None, as_json: bool) -> int:

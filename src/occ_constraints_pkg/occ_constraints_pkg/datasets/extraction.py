@@ -11,8 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from occ_constraints_pkg.datasets.blocks import BlockExtractor, RowBlock
+from occ_constraints_pkg.datasets.clocks import DAY_NS
 from occ_constraints_pkg.datasets.dataset import ORIGIN, Dataset
 from occ_constraints_pkg.datasets.manifest import Selection, select
+from occ_constraints_pkg.datasets.source_doubts import source_doubts
 from occ_constraints_pkg.errors import DataError
 from occ_constraints_pkg.features.extractor import FeatureExtractor, FeatureRows
 from occ_constraints_pkg.features.feature_map import FeatureMap, topic_key
@@ -83,8 +85,12 @@ def extract(
                 + (f'{pace!r}, which sets the pace' if pace else f'any of {", ".join(topics)}')
                 + f'{part.where}; allowed is one or more'
             )
+        warnings += part.time_by_stamps(str(recording.path))
+        warnings += part.leap(str(recording.path))
         episodes += part.number_episodes(episodes, str(recording.path))
         warnings += recording.warnings
+        if part.is_mostly_missing:
+            warnings += source_doubts(recording, feature_map)
         warnings += part.unused(selection, str(recording.path))
         parts.append(part)
     costs = [cost for part in parts for cost in part.costs]
@@ -208,6 +214,7 @@ class _CollectedRows:
         self.has_cost = False
         self.where = ''
         self._first_ns = 0
+        self._is_table = False
         self._episodes: list[np.ndarray] = []
         self._met: set[tuple[str, int]] = set()
         self._last_ns = 0
@@ -231,6 +238,7 @@ class _CollectedRows:
         origins['time_ns'] = rows.times_ns
         # Rows of a table are of one message, others of one message each.
         origins['row'] = 0 if rows.table is None else np.arange(count)
+        self._is_table = rows.table is not None
         if rows.table is not None:
             # A simulation steps faster or slower than it is recorded.
             self._first_ns = self._first_ns or int(rows.stamps_ns[0])
@@ -246,6 +254,37 @@ class _CollectedRows:
         self.origins.append(origins[used])
         self.costs.append(cost[used].astype(np.float64))
         self._episodes.append(np.stack([robots, numbers, stretches], axis=1)[used])
+
+    def leap(self, where: str) -> list[str]:
+        """Return a sentence if a stamp leaps ahead by more than a day, as a clock that is set."""
+        stamps = np.concatenate(self.stamps)
+        steps = np.diff(stamps)
+        if self._is_table or not len(steps) or steps.max() <= DAY_NS:
+            return []
+        at = int(steps.argmax())
+        return [
+            f'{where}: the stamps leap ahead by {steps[at] / DAY_NS:.3g} days after '
+            f'{(stamps[at] - stamps[0]) * 1e-9:.3g} s'
+        ]
+
+    @property
+    def is_mostly_missing(self) -> bool:
+        """Whether some feature is missing in most rows, for which there must be a reason."""
+        missing = sum(np.isnan(values).sum(axis=0) for values in self.values)
+        return bool((missing > sum(map(len, self.values)) / 2).any())
+
+    def time_by_stamps(self, where: str) -> list[str]:
+        """Take times from the header stamps where all rows were logged at once; say so."""
+        logged = [int(time) for times in self.times for time in (times.min(), times.max())]
+        first = min(int(stamps.min()) for stamps in self.stamps)
+        last = max(int(stamps.max()) for stamps in self.stamps)
+        if self._is_table or first == last or min(logged) != max(logged):
+            return []
+        self.times = [stamps - first for stamps in self.stamps]
+        return [
+            f'{where}: all messages that give rows have the same log time; times are those of '
+            'their header stamps'
+        ]
 
     def unused(self, selection: Selection, where: str) -> list[str]:
         """Return a sentence for each time of a manifest that makes no difference to the rows."""

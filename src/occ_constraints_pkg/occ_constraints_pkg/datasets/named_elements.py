@@ -40,7 +40,11 @@ class NamedElements:
         self.columns: dict[int, int] = {}
         self._readers = readers
         self._selectors: dict[int, Selector] = {}
+        # The lists of names that were met, and the number of each.
         self._lists: dict[bytes, list[str]] = {}
+        self._numbers: dict[bytes, int] = {}
+        # Where names lay when they were last looked up, and the number of each message's list.
+        self._last: tuple[np.ndarray, np.ndarray] | None = None
         texts: dict[Path, int] = {}
         for column, reader in enumerate(readers):
             found = _array_and_names(definitions, msgtype, paths[column])
@@ -67,7 +71,9 @@ class NamedElements:
             UnreadableError: a message is damaged.
         """
         selector = self._selectors[column]
-        indices = np.array([self._index(selector, data[start:end]) for start, end in names.base])
+        lists = self._lists_of(names, data)
+        places = [_index(selector, texts) for texts in self._lists.values()]
+        indices = np.array(places, dtype=np.intp)[lists]
         values = np.full(len(indices), np.nan)
         for group in arrays:
             own = indices[group.rows]
@@ -76,12 +82,18 @@ class NamedElements:
             values[group.rows[known]] = group.values[known, own[known]]
         return values, indices >= 0
 
-    def _index(self, selector: Selector, data: bytes | memoryview) -> int:
-        key = bytes(data)
-        if key not in self._lists:
-            self._lists[key] = read_texts(key)
-        names = self._lists[key]
-        return names.index(selector.text) if selector.text in names else -1
+    def _lists_of(self, names: Group, data: bytes | memoryview) -> np.ndarray:
+        """Return (n,) which of the lists of names each message has; readers share the answer."""
+        if self._last is None or self._last[0] is not names.base:
+            found = []
+            for start, end in names.base.tolist():
+                key = bytes(data[int(start) : int(end)])
+                if key not in self._numbers:
+                    self._numbers[key] = len(self._numbers)
+                    self._lists[key] = read_texts(key)
+                found.append(self._numbers[key])
+            self._last = names.base, np.array(found, dtype=np.intp)
+        return self._last[1]
 
     def error(self) -> NotNamedError:
         """Return the error that a name has not been in any message so far."""
@@ -91,6 +103,10 @@ class NamedElements:
             min(self._selectors),
         )
         return self._readers[column].not_named(self._selectors[column], names)
+
+
+def _index(selector: Selector, texts: list[str]) -> int:
+    return texts.index(selector.text) if selector.text in texts else -1
 
 
 def _array_and_names(

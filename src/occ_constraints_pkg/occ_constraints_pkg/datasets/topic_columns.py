@@ -119,6 +119,11 @@ class TopicColumns:
             self._fields = fields
             self._kinds = fields.kinds
 
+    @property
+    def has_stamps(self) -> bool:
+        """Whether the type has a header with a stamp."""
+        return 'seconds' in self._at
+
     def read(self, block: Block, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return (m, features) float64 values and (m,) header stamps in ns, 0 for none.
 

@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from occ_constraints_pkg.datasets.dataset import Dataset
+from occ_constraints_pkg.datasets.doubts import value_doubts
 from occ_constraints_pkg.learning.learn import grow
 from occ_constraints_pkg.learning.samples import LEAST_EPISODES_TO_HOLD_OUT, families
 from occ_constraints_pkg.learning.settings import OCTreeSettings
@@ -39,6 +40,7 @@ def concerns(data: Dataset, space: FeatureSpace, settings: OCTreeSettings) -> It
     yield from _of_cost(data, settings)
     yield from _of_amount(data, len(rows))
     yield from _of_families(space, settings)
+    yield from value_doubts(rows, space)
     yield from _of_share(rows, space, settings)
 
 

@@ -22,8 +22,9 @@ from occ_constraints_pkg.features.sources import FULL_CIRCLE, Reading
 # of a scan, and exact, so that no beam is lost or counted twice between two sectors.
 _PER_DEGREE = 10_000
 _CIRCLE = 360 * _PER_DEGREE
-# In degrees; a scan with beams beyond has no angles that make sense.
-_LARGEST_ANGLE = 36_000
+# In degrees; a scan with beams beyond, or over more than that, has no angles that make sense.
+_LARGEST_ANGLE, _LARGEST_SPAN = 720, 540
+_LARGEST_RADIANS = 4.0 * math.pi
 # How each extreme is found, and its identity, with which values that do not count are replaced.
 _EXTREMES = {'min': (np.minimum, np.inf), 'max': (np.maximum, -np.inf)}
 # What np.mean and np.linalg.norm compute, in a third of their time for few numbers.
@@ -187,10 +188,18 @@ def sector_beams(name: str, reading: Reading, geometry: Geometry, count: int) ->
     """
     first, step = geometry
     angles = np.degrees(first + step * np.arange(count)) * _PER_DEGREE
-    if not (np.abs(angles) <= _LARGEST_ANGLE * _PER_DEGREE).all():
+    is_near = (np.abs(angles) <= _LARGEST_ANGLE * _PER_DEGREE).all()
+    if not is_near or abs(angles[-1] - angles[0]) > _LARGEST_SPAN * _PER_DEGREE:
+        in_degrees = max(abs(first), abs(step * count)) > _LARGEST_RADIANS
+        hint = '; these look like degrees' if in_degrees else ''
         raise DataError(
             f'topic {reading.topic!r} has a scan of {count} beams with angle_min {first:g} and '
-            f'angle_increment {step:g}; allowed are beams within some turns'
+            f'angle_increment {step:g}; allowed are radians, within one turn or little more{hint}'
+        )
+    if count > 1 and not step:
+        raise DataError(
+            f'topic {reading.topic!r} has a scan of {count} beams with angle_increment 0, which '
+            'all point the same way; allowed is the angle from one beam to the next, in radians'
         )
     angles = np.rint(angles).astype(np.int64)
     sector = reading.degrees or (0.0, FULL_CIRCLE)

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from rosbags.interfaces import Nodetype
@@ -17,7 +17,16 @@ from occ_constraints_pkg.rosbag.storage import MAX_PIECE_BYTES
 
 _NAME = re.compile(r'[A-Za-z]\w*(?:/[A-Za-z]\w*){1,2}', re.ASCII)
 _SEPARATOR = re.compile(r'^={80}\n(?:IDL: .*\n)?', re.MULTILINE)
-_NOTHING = re.compile(r'^[ \t]*(?:#.*)?(?:\r?\n|\Z)', re.MULTILINE)
+_NOTHING = re.compile(r'^[ \t]*(?:#.*)?(?:\n|\Z)', re.MULTILINE)
+# Constants of texts, and those without a value; the parser does not know all of them.
+_TEXT_CONSTANT = re.compile(
+    r'^[ \t]*(?:w?string(?:<=\d+)?[ \t]+[A-Za-z]\w*[ \t]*=.*'
+    r'|\w+[ \t]+[A-Z]\w*[ \t]*=[ \t]*(?:#.*)?)(?:\n|\Z)',
+    re.MULTILINE,
+)
+_WSTRING = re.compile(r'^([ \t]*)wstring(?:<=\d+)?(?=[ \t\[])', re.MULTILINE)
+WIDE_TEXT = 'occ_definitions/msg/WideText'
+"""What stands for ``wstring``: its text is not read, but what follows it is."""
 _MOST_CHARACTERS = 1 << 20
 # The largest messages of ROS have some hundred fields, those of their parts included, and some
 # dozen parts.
@@ -32,13 +41,17 @@ class BoundsError(ValueError):
     """A definition is beyond what a message needs; the text says how, as part of a sentence."""
 
 
-def parse_definition(definition: str, kind: str, msgtype: str) -> dict[str, Any]:
+def parse_definition(
+    definition: str, kind: str, msgtype: str, wide: str = 'uint16'
+) -> dict[str, Any]:
     """Parse a definition as a bag has it, in bounded time and memory.
 
     Args:
         definition: the text.
         kind: ``ros2msg`` or ``ros2idl``.
         msgtype: the type's name.
+        wide: what a ``wstring`` is a sequence of, which differs between middlewares: ``uint16`` or
+            ``uint32`` for a character each, or ``uint8`` where its length counts bytes.
 
     Returns:
         Type name to ``([], fields)``, as ``rosbags`` has definitions, for the type and its parts.
@@ -52,8 +65,12 @@ def parse_definition(definition: str, kind: str, msgtype: str) -> dict[str, Any]
         raise BoundsError(f'{msgtype[:100]!r} is no name of a type')
     if len(definition) > _MOST_CHARACTERS:
         raise BoundsError(f'it has {len(definition)} characters; allowed are {_MOST_CHARACTERS}')
+    definition = definition.replace('\r\n', '\n').replace('\r', '\n')
     if kind == 'ros2msg':
-        types = get_types_from_msg(_NOTHING.sub('', definition), msgtype)
+        for pattern in (_NOTHING, _TEXT_CONSTANT):
+            definition = pattern.sub('', definition)
+        definition = _WSTRING.sub(rf'\1{WIDE_TEXT.replace("/msg", "")}', definition)
+        types = get_types_from_msg(definition, msgtype)
     else:
         types = {}
         for part in _SEPARATOR.split(definition):
@@ -62,7 +79,13 @@ def parse_definition(definition: str, kind: str, msgtype: str) -> dict[str, Any]
     for constants, _ in types.values():
         for name, _, value in constants:
             _check_constant(name, value)
-    types = {name: ([], fields) for name, (_, fields) in types.items()}
+    types = {
+        name: ([], [(field, _without_wstring(item)) for field, item in fields])
+        for name, (_, fields) in types.items()
+    }
+    if WIDE_TEXT in {part for item in types.values() for part in part_types(item)}:
+        units = (Nodetype.SEQUENCE, ((Nodetype.BASE, (wide, 0)), 0))
+        types[WIDE_TEXT] = ([], [('units', units)])
     count = sum(_repetitions(field) for _, fields in types.values() for _, field in fields)
     if count > _MOST_FIELDS or len(types) > _MOST_TYPES:
         raise BoundsError(
@@ -73,6 +96,24 @@ def parse_definition(definition: str, kind: str, msgtype: str) -> dict[str, Any]
     for name in types:
         _measure(name, types, sizes, 0)
     return types
+
+
+def part_types(definition: Any) -> Iterator[str]:
+    """Yield the names of the message types among a parsed definition's fields."""
+    for _, (kind, argument) in definition[1]:
+        if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+            kind, argument = argument[0]
+        if kind == Nodetype.NAME:
+            yield argument
+
+
+def _without_wstring(field: Any) -> Any:
+    kind, argument = field
+    if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+        element, *length = argument
+        return kind, (_without_wstring(element), *length)
+    is_wide = kind == Nodetype.BASE and argument[0] == 'wstring'
+    return (Nodetype.NAME, WIDE_TEXT) if is_wide else field
 
 
 def _check_constant(name: str, value: Any) -> None:

@@ -34,15 +34,18 @@ def with_metadata(topics: dict[str, TopicInfo], metadata: dict[str, Any]) -> dic
     return result
 
 
-def read_metadata(path: Path) -> dict[str, Any]:
-    """Return the content of a metadata.yaml, empty where there is none.
+def read_metadata(path: Path) -> tuple[dict[str, Any], str]:
+    """Return the content of a metadata.yaml, empty where there is none, and a warning or nothing.
 
     Raises:
         OccError: it cannot be read, or is of a version that is not known.
     """
     if not path.exists():
-        return {}
-    document = parse_yaml(read_text(path), str(path))
+        return {}, ''
+    text = read_text(path)
+    if not text.strip('\0 \n'):
+        return {}, f'{path} is empty, as after a recorder was killed; the files beside it are used'
+    document = parse_yaml(text, str(path))
     metadata = document.get('rosbag2_bagfile_information') if isinstance(document, dict) else None
     if not isinstance(metadata, dict):
         raise DataError(f'{path} is not the metadata of a rosbag2 recording')
@@ -53,7 +56,7 @@ def read_metadata(path: Path) -> dict[str, Any]:
         value = metadata.get(key) or []
         if not isinstance(value, list) or not all(isinstance(item, kind) for item in value):
             raise DataError(f'{path} is damaged: {key} is not a list of {_KINDS[kind]}')
-    return metadata
+    return metadata, ''
 
 
 def is_compressed_by_message(metadata: dict[str, Any], path: Path) -> bool:

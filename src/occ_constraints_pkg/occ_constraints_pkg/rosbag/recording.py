@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from itertools import chain, islice
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -17,6 +18,7 @@ import numpy as np
 from occ_constraints_pkg.documents import did_you_mean
 from occ_constraints_pkg.errors import DataError, OccError
 from occ_constraints_pkg.files import sha256_of
+from occ_constraints_pkg.rosbag.cdr_errors import wrong_bytes
 from occ_constraints_pkg.rosbag.mcap_file import McapFile
 from occ_constraints_pkg.rosbag.metadata import (
     is_compressed_by_message,
@@ -40,9 +42,17 @@ from occ_constraints_pkg.rosbag.typestores import (
     UndefinedTypeError,
     find_definitions,
     find_typestore,
+    possible_definitions,
 )
+from occ_constraints_pkg.wording import count_of
 
 _SUFFIXES = ('.mcap', '.db3')
+# How the names of the files end that a recorder splits a recording into.
+_SPLIT = re.compile(r'_\d+$')
+# The first two bytes of a message in plain CDR, big- and little-endian.
+_CDR = (b'\0\0', b'\0\1')
+# Messages that decide by which of several definitions a topic is read.
+_EXAMPLES = 20
 # Types as ROS 2 named them before its release Dashing, without the part 'msg'.
 _FIRST_NAMES = re.compile(r'^(\w+)/(\w+)$')
 
@@ -76,7 +86,6 @@ class Recording:
         name: its last path component without the endings of storage files.
         files: the storage files, in order.
         topics: topic name to :class:`TopicInfo`, sorted by name.
-        warnings: one sentence for each thing that is missing or damaged.
 
     Raises:
         OccError: there is no such path, it is not a recording, or it holds no message.
@@ -84,8 +93,11 @@ class Recording:
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        self.warnings: tuple[str, ...] = ()
+        self._warnings: list[str] = []
+        # Topic to how many of its messages have no bytes.
+        self._empty: Counter[str] = Counter()
         self._stores: dict[str, Any] = {}
+        self._definitions: dict[str, tuple[str, str, str, str]] = {}
         self._unpacked = Unpacked()
         try:
             self.name = self.path.name if self.path.is_dir() else _bare_name(self.path)
@@ -101,10 +113,20 @@ class Recording:
             raise DataError(f'{self.path} holds no messages')
         stated = metadata.get('message_count')
         if isinstance(stated, int) and stated > self.message_count:
-            self.warnings += (
+            self._warnings.append(
                 f'{self.path} holds {self.message_count} messages, but its metadata.yaml '
-                f'states {stated}',
+                f'states {stated}'
             )
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """One sentence for each thing that is missing or damaged, as far as has been read."""
+        empty = (
+            f'{self.path} has {count_of(count, "message")} without any bytes on {topic!r}, which '
+            f'{"is" if count == 1 else "are"} left out'
+            for topic, count in sorted(self._empty.items())
+        )
+        return (*self._warnings, *empty)
 
     @property
     def message_count(self) -> int:
@@ -162,7 +184,10 @@ class Recording:
             OccError: the recording is damaged.
         """
         places = {name: place for place, name in enumerate(topics)}
-        pieces = []
+        for name in topics:
+            if self.topics[name].conflict:
+                raise DataError(self.topics[name].conflict)
+        pieces, empty = [], Counter[int]()
         for number, storage in enumerate(self._storages):
             wanted = {
                 channel: places[name]
@@ -171,7 +196,7 @@ class Recording:
             }
             for place, segment in enumerate(storage.segments):
                 if segment.channels is None or segment.channels & wanted.keys():
-                    load = partial(self._load, storage, segment, wanted)
+                    load = partial(self._load, storage, segment, wanted, empty)
                     pieces.append((segment.start_ns, number, place, load))
         pieces.sort(key=lambda piece: piece[:3])
         counts: Counter[int] = Counter()
@@ -179,13 +204,22 @@ class Recording:
             counts.update(dict(enumerate(np.bincount(block.topics).tolist())))
             yield block
         for name, place in places.items():
-            if counts[place] != self.topics[name].count:
+            if counts[place] + empty[place] != self.topics[name].count:
                 raise DataError(
                     f'{self.path} is damaged: it has {counts[place]} messages on {name!r} instead '
                     f'of {self.topics[name].count}'
                 )
+            if empty[place]:
+                self._empty[name] = empty[place]
 
-    def _load(self, storage: StorageFile, segment: Segment, wanted: dict[int, int]) -> Block:
+    def _load(
+        self,
+        storage: StorageFile,
+        segment: Segment,
+        wanted: dict[int, int],
+        empty: Counter[int],
+    ) -> Block:
+        """Load what is wanted of a segment; ``empty`` counts messages without bytes, by topic."""
         block = storage.load(segment)
         channels = np.array(list(wanted), dtype=np.int64)
         at = np.minimum(np.searchsorted(channels, block.topics), len(channels) - 1)
@@ -193,6 +227,10 @@ class Recording:
         if not is_wanted.all():
             block, at = block.select(is_wanted), at[is_wanted]
         block = replace(block, topics=np.array(list(wanted.values()), dtype=np.intp)[at])
+        has_bytes = block.ends > block.starts
+        if not has_bytes.all():
+            empty.update(block.topics[~has_bytes].tolist())
+            block = block.select(has_bytes)
         if self._message_zstd:
             try:
                 block = block.mapped(_unpack_message)
@@ -221,32 +259,68 @@ class Recording:
         Raises:
             OccError: the type is unknown, or the bytes are not such a message.
         """
-        info = self.topics[raw.topic]
-        if info.serialization != 'cdr':
-            raise DataError(
-                f'{self.path} has topic {raw.topic!r} serialized as {info.serialization!r}; '
-                "allowed is 'cdr'"
-            )
         store = self._store(raw.topic)
         try:
+            # The generated code looks at the order of bytes only.
+            if raw.data[:2] not in _CDR:
+                raise ValueError('another encoding')
             return store.deserialize_cdr(raw.data, raw.msgtype)
         # The generated code fails on wrong bytes in whichever way comes first.
         except Exception as error:
             raise DataError(
-                f'{self.path} has a message on {raw.topic!r} at {raw.log_time_ns} ns whose '
-                f'{len(raw.data)} bytes are not a {raw.msgtype}'
+                f'{self.path} has a message on {raw.topic!r} at {raw.log_time_ns} ns '
+                f'{wrong_bytes(raw.data, raw.msgtype)}'
             ) from error
 
     def fields(self, topic: str) -> Mapping[str, Any]:
         """Return the parsed definitions of a topic's type and its parts, by type name.
 
         Raises:
-            OccError: the type is unknown, or its definition cannot be read.
+            OccError: the topic is not in CDR, has two types, or its type is unknown or has a
+                definition that cannot be read.
         """
         try:
-            return find_definitions(*_definition(self.topics[topic]))
+            return find_definitions(*self._definition(topic))
         except UndefinedTypeError as error:
             raise self._undefined(topic, error.reason) from error
+
+    def problem(self, topic: str) -> str:
+        """Return why the messages of a topic cannot be read, in one sentence; empty if they can.
+
+        Args:
+            topic: as in :attr:`topics`.
+        """
+        try:
+            self._store(topic)
+            raw = next(self.messages([topic]), None)
+            if raw is not None:
+                self.decode(raw)
+        except OccError as error:
+            return str(error)
+        return ''
+
+    def _definition(self, topic: str) -> tuple[str, str, str, str]:
+        """Return the definition by which the messages of a topic can be read."""
+        info = self.topics[topic]
+        if info.conflict:
+            raise DataError(info.conflict)
+        if info.serialization != 'cdr':
+            raise DataError(
+                f'{self.path} has topic {topic!r} serialized as {info.serialization!r}; '
+                "allowed is 'cdr'"
+            )
+        if topic not in self._definitions:
+            possible = possible_definitions(*_definition(info))
+            self._definitions[topic] = first = next(possible)
+            if first[0].strip() and 'wstring' not in first[0]:
+                return first
+            # The bag does not say all, so its messages have to.
+            examples = list(islice(self._each_message([topic]), _EXAMPLES))
+            for candidate in chain([first], possible):
+                if _reads(candidate, examples):
+                    self._definitions[topic] = candidate
+                    break
+        return self._definitions[topic]
 
     def fingerprint(self) -> dict[str, Any]:
         """Return ``name``, ``sha256`` over the storage files in order, and ``messages``."""
@@ -269,7 +343,8 @@ class Recording:
                 )
             self.files = (path,)
             return {}
-        metadata = read_metadata(path / 'metadata.yaml')
+        metadata, warning = read_metadata(path / 'metadata.yaml')
+        self._warnings += [warning] if warning else []
         # Before version 4 the listed paths began with the directory's own name.
         names = [PurePosixPath(name).name for name in metadata.get('relative_file_paths') or ()]
         if not names:
@@ -281,10 +356,34 @@ class Recording:
                     f'nor files that end in {" or ".join(_SUFFIXES)}'
                 )
         self.files = tuple(_as_stored(path / name) for name in names)
+        self._add_unlisted()
         missing = [file.name for file in self.files if not file.is_file()]
         if missing:
             raise DataError(f'{path} lacks {", ".join(missing)}, which its metadata.yaml lists')
         return metadata
+
+    def _add_unlisted(self) -> None:
+        """Add files that continue those that are listed, as after a recorder was killed."""
+        listed = {_bare_name(file) for file in self.files}
+        stems = {_SPLIT.sub('', name) for name in listed if _SPLIT.search(name)}
+        suffixes = {_storage_suffix(file) for file in self.files}
+        found = [
+            file
+            for file in self.path.iterdir()
+            if _is_storage(file)
+            and _bare_name(file) not in listed
+            and _SPLIT.search(_bare_name(file))
+            and _SPLIT.sub('', _bare_name(file)) in stems
+            and _storage_suffix(file) in suffixes
+        ]
+        if found:
+            names = sorted((file.name for file in found), key=_natural)
+            self._warnings.append(
+                f'{self.path} holds {", ".join(names)}, which its metadata.yaml does not list; '
+                f'{"it is" if len(names) == 1 else "they are"} used'
+            )
+            every = {file.name: file for file in (*self.files, *found)}
+            self.files = tuple(every[name] for name in sorted(every, key=_natural))
 
     def _open(self, path: Path) -> StorageFile:
         file, warning = self._unpacked.open(path)
@@ -292,7 +391,7 @@ class Recording:
             is_sqlite = stream.read(len(SQLITE_MAGIC)) == SQLITE_MAGIC
         kind = SqliteFile if is_sqlite or '.db3' in path.suffixes else McapFile
         storage = kind(path, file)
-        self.warnings += tuple(text for text in (warning, storage.warning) if text)
+        self._warnings += [text for text in (warning, storage.warning) if text]
         return storage
 
     def _all_topics(self) -> dict[str, TopicInfo]:
@@ -305,11 +404,7 @@ class Recording:
         return topics
 
     def _joined(self, topic: str, known: TopicInfo, info: TopicInfo) -> TopicInfo:
-        """Join what two channels or files say of a topic.
-
-        Raises:
-            OccError: they contradict each other.
-        """
+        """Join what two channels or files say of a topic, and note where they contradict."""
         pairs = [
             ('types', known.msgtype, info.msgtype),
             ('serializations', known.serialization, info.serialization),
@@ -317,16 +412,19 @@ class Recording:
         if known.definition and info.definition and known.definition != info.definition:
             # Definitions that differ in comments are the same.
             pairs.append(('definitions', *(_parsed_or_text(item) for item in (known, info))))
+        told = known if known.definition else info
+        # Of no matter to whoever does not need this topic.
+        conflict = known.conflict
         for what, first, second in pairs:
-            if first != second:
+            if first != second and not conflict:
                 found = '' if what == 'definitions' else f', {first!r} and {second!r}'
-                raise DataError(
+                conflict = (
                     f'{self.path} has topic {topic!r} with two {what}{found}; '
                     'allowed is one for each topic'
                 )
-        told = known if known.definition else info
         return replace(
             told,
+            conflict=conflict,
             count=known.count + info.count,
             offered_qos=known.offered_qos or info.offered_qos,
         )
@@ -334,7 +432,7 @@ class Recording:
     def _store(self, topic: str) -> Any:
         if topic not in self._stores:
             try:
-                self._stores[topic] = find_typestore(*_definition(self.topics[topic]))
+                self._stores[topic] = find_typestore(*self._definition(topic))
             except UndefinedTypeError as error:
                 raise self._undefined(topic, error.reason) from error
         return self._stores[topic]
@@ -343,7 +441,10 @@ class Recording:
         what = (
             f'cannot be used: {reason}'
             if reason
-            else ('is neither complete in the bag nor part of ROS 2 Jazzy')
+            else (
+                'is neither complete in the bag nor part of ROS 2 Jazzy; --definitions DIR and '
+                'AMENT_PREFIX_PATH say where its .msg or .idl file is'
+            )
         )
         return DataError(
             f'{self.path} has topic {topic!r} of type {self.topics[topic].msgtype!r}, whose '
@@ -356,8 +457,13 @@ def _unpack_message(data: bytes) -> bytes:
 
 
 def _is_storage(file: Path) -> bool:
+    return file.is_file() and _storage_suffix(file) in _SUFFIXES
+
+
+def _storage_suffix(file: Path) -> str:
+    """Return the last ending of a name that is not one of a compressed file; empty without one."""
     suffixes = [suffix for suffix in file.suffixes if suffix not in ZSTD_SUFFIXES]
-    return file.is_file() and suffixes[-1:] in [[suffix] for suffix in _SUFFIXES]
+    return suffixes[-1] if suffixes else ''
 
 
 def _bare_name(file: Path) -> str:
@@ -381,6 +487,18 @@ def _as_stored(file: Path) -> Path:
 
 def _definition(info: TopicInfo) -> tuple[str, str, str]:
     return info.definition, info.definition_format, info.msgtype
+
+
+def _reads(definition: tuple[str, str, str, str], examples: list[RawMessage]) -> bool:
+    """Tell whether messages can be read by a definition."""
+    try:
+        store = find_typestore(*definition)
+        for raw in examples:
+            store.deserialize_cdr(raw.data, raw.msgtype)
+    # The generated code fails on wrong bytes in whichever way comes first.
+    except Exception:
+        return False
+    return True
 
 
 def _parsed_or_text(info: TopicInfo) -> Any:

@@ -40,6 +40,8 @@ class TopicInfo:
         definition: text of the message definition as stored; empty when the bag has none.
         definition_format: ``ros2msg``, ``ros2idl`` or empty.
         offered_qos: profiles of the recorded publishers, spelled as in rosbag2 metadata 9.
+        conflict: why the topic cannot be read although other topics can: its parts contradict each
+            other; empty if they do not.
     """
 
     msgtype: str
@@ -48,6 +50,7 @@ class TopicInfo:
     definition: str = ''
     definition_format: str = ''
     offered_qos: tuple[dict[str, Any], ...] = ()
+    conflict: str = ''
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,12 +5,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from occ_constraints_pkg.datasets.blocks import BlockExtractor
+from occ_constraints_pkg.datasets.doubts import value_doubts
 from occ_constraints_pkg.datasets.extraction import rows_of
+from occ_constraints_pkg.datasets.source_doubts import source_doubts
 from occ_constraints_pkg.errors import DataError
 from occ_constraints_pkg.features.extractor import FeatureExtractor
 from occ_constraints_pkg.features.feature_map import FeatureMap, topic_key
@@ -156,7 +158,12 @@ def map_statistics(
     Raises:
         OccError: the recording cannot be read, lacks what the map asks for, or gives no row.
     """
-    return map_rows(recording, feature_map, progress=progress).statistics()
+    rows = map_rows(recording, feature_map, progress=progress)
+    doubts = (
+        *source_doubts(recording, feature_map),
+        *value_doubts(rows.values, feature_map.space),
+    )
+    return replace(rows.statistics(), warnings=(*rows.warnings, *doubts))
 
 
 def map_rows(

@@ -32,6 +32,8 @@ _VERSIONS = ('2018b', '2020a')
 _VEHICLES = ('car', 'truck', 'bus', 'motorcycle', 'priorityVehicle', 'taxi')
 _NUMBERS = ('time/exact', 'position/point/x', 'position/point/y', 'velocity/exact')
 _NUMBERS += ('orientation/exact',)
+# What a scenario may state inexactly, as predictions are.
+_INTERVALS = ('time/intervalStart', 'velocity/intervalStart', 'orientation/intervalStart')
 
 
 def read_commonroad(path: Path, progress: Callable[[int, int], None] | None = None) -> Traffic:
@@ -68,7 +70,12 @@ def read_commonroad(path: Path, progress: Callable[[int, int], None] | None = No
         blocks.append(np.column_stack([np.full(len(states), vehicle), states]))
         shapes.append(_size(file, element))
     if not blocks:
-        raise DataError(f'{path} has no moving vehicles; allowed are one or more')
+        others = ', '.join(f'{count} {kind}' for kind, count in left_out.items())
+        raise DataError(
+            f'{path} has no moving vehicles'
+            + (f' but {others}' if others else '')
+            + '; allowed are one or more'
+        )
     rows = np.concatenate(blocks)
     size = np.repeat(shapes, [len(block) for block in blocks], axis=0)
     return _traffic(file, dict(vehicles), rows, size, step, road, left_out)
@@ -158,11 +165,30 @@ def _vehicles(file: XmlFile) -> tuple[list[tuple[int, ET.Element]], Counter[str]
         if kind not in _VEHICLES:
             left_out[f'of kind {kind!r}'] += 1
             continue
+        if inexact := _inexact(element):
+            left_out[inexact] += 1
+            continue
         number = file.integer(element, 'id')
         if number in vehicles:
             file.fail(element, f'has the id {number} of another one; ids must be unique')
         vehicles[number] = element
     return list(vehicles.items()), left_out
+
+
+def _inexact(element: ET.Element) -> str:
+    """Say why an obstacle has no exact trajectory of a rectangle; empty if it may have one."""
+    shapes = {item.tag for item in element.iterfind('shape/*')}
+    if shapes and 'rectangle' not in shapes:
+        return f'with the shape {", ".join(sorted(shapes))}'
+    if element.find('trajectory') is None and element.find('occupancySet') is not None:
+        return 'given by occupied areas'
+    for state in (*element.iterfind('initialState'), *element.iterfind('trajectory/state')):
+        if any(state.find(name) is not None for name in _INTERVALS):
+            return 'with intervals instead of exact values'
+        positions = {item.tag for item in state.iterfind('position/*')}
+        if positions and 'point' not in positions:
+            return 'at areas instead of points'
+    return ''
 
 
 def _obstacles(file: XmlFile) -> Iterator[tuple[str, ET.Element]]:

@@ -117,8 +117,9 @@ class Inputs:
             return None
         if not len(rows.values):
             raise InputError(f'topic {topic!r} brought a table without rows')
-        if self._topics.fault and not rows.note and np.isnan(rows.values).any():
-            rows = replace(rows, note=self._topics.fault)
+        fault = self._topics.fault or self._extractor.fault
+        if fault and not rows.note and np.isnan(rows.values).any():
+            rows = replace(rows, note=fault)
         return rows
 
     def stamp_ns(self, message: Any) -> int:

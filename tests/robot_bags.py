@@ -239,9 +239,10 @@ def definition_of(msgtype: str) -> str:
     texts, wanted, done = [], [msgtype], {msgtype}
     while wanted:
         name = wanted.pop(0)
-        text = DEFINITIONS.get(name) or STORE.generate_msgdef(name, ros_version=2)[0].split(
-            '=' * 80
-        )[0]
+        text = (
+            DEFINITIONS.get(name)
+            or STORE.generate_msgdef(name, ros_version=2)[0].split('=' * 80)[0]
+        )
         short = name.replace('/msg/', '/')
         texts.append(text if not texts else f'{"=" * 80}\nMSG: {short}\n{text}')
         for _, node in STORE.fielddefs[name][1]:
@@ -273,7 +274,7 @@ class Drive:
         """
         rng = np.random.default_rng([self.seed, *name.encode()])
         first, second = rng.uniform(0, math.tau, 2)
-        pace, half = rng.uniform(0.9, 1.1), (high - low) / 2 * rng.uniform(0.95, 1.0)
+        pace, half = rng.uniform(0.95, 1.05), (high - low) / 2 * rng.uniform(0.95, 1.0)
         middle, period = (low + high) / 2, min(period, SECONDS / 4)
 
         def signal(time: float) -> float:
@@ -355,13 +356,17 @@ def imus(drive: Drive, topic: str, *, sway: float = 0.05, rate: float = 50.0) ->
     for time in ticks(rate):
         lean = 0.6 if drive.has('tilt', time) else 0.0
         hit = 25.0 if drive.has('collision', time) and (time * 2) % 1 < 0.2 else 0.0
-        yield time, topic, make(
-            'sensor_msgs/Imu',
-            header=header(time, 'imu'),
-            orientation=orientation(roll(time) + lean, pitch(time), yaw(time)),
-            angular_velocity=vector(roll(time) * 2, pitch(time) * 2, yaw(time) / 5),
-            linear_acceleration=vector(
-                9.81 * pitch(time) + jolt() + hit, 9.81 * roll(time) + jolt(), 9.7 + jolt()
+        yield (
+            time,
+            topic,
+            make(
+                'sensor_msgs/Imu',
+                header=header(time, 'imu'),
+                orientation=orientation(roll(time) + lean, pitch(time), yaw(time)),
+                angular_velocity=vector(roll(time) * 2, pitch(time) * 2, yaw(time) / 5),
+                linear_acceleration=vector(
+                    9.81 * pitch(time) + jolt() + hit, 9.81 * roll(time) + jolt(), 9.7 + jolt()
+                ),
             ),
         )
 
@@ -373,17 +378,21 @@ def batteries(drive: Drive, topic: str, full: float, *, rate: float = 1.0) -> It
     for time in ticks(rate):
         charge = start - 0.0005 * time
         charge -= 0.6 if drive.has('low battery', time) else 0.0
-        yield time, topic, make(
-            'sensor_msgs/BatteryState',
-            header=header(time),
-            voltage=full * (0.8 + 0.2 * charge) + ripple(),
-            percentage=charge,
-            current=load(time),
-            charge=math.nan,
-            capacity=math.nan,
-            temperature=math.nan,
-            power_supply_status=2,
-            present=True,
+        yield (
+            time,
+            topic,
+            make(
+                'sensor_msgs/BatteryState',
+                header=header(time),
+                voltage=full * (0.8 + 0.2 * charge) + ripple(),
+                percentage=charge,
+                current=load(time),
+                charge=math.nan,
+                capacity=math.nan,
+                temperature=math.nan,
+                power_supply_status=2,
+                present=True,
+            ),
         )
 
 
@@ -398,15 +407,19 @@ def scans(drive: Drive, topic: str, rate: float = 10.0) -> Iterator[Any]:
         if drive.has('collision', time):
             ranges[80:100] = 0.15
         ranges[rng.random(180) < 0.05] = math.inf
-        yield time, topic, make(
-            'sensor_msgs/LaserScan',
-            header=header(time, 'laser'),
-            angle_min=-math.pi,
-            angle_max=math.pi - math.tau / 180,
-            angle_increment=math.tau / 180,
-            range_min=0.1,
-            range_max=10.0,
-            ranges=ranges.astype(np.float32),
+        yield (
+            time,
+            topic,
+            make(
+                'sensor_msgs/LaserScan',
+                header=header(time, 'laser'),
+                angle_min=-math.pi,
+                angle_max=math.pi - math.tau / 180,
+                angle_increment=math.tau / 180,
+                range_min=0.1,
+                range_max=10.0,
+                ranges=ranges.astype(np.float32),
+            ),
         )
 
 
@@ -427,8 +440,10 @@ def rolling(drive: Drive, space: str = '', top: float = 0.6, rate: float = 20.0)
         )
         yield time, f'{space}/cmd_vel', twist
         where = pose(x, 0.0, 0.0, (0.0, 0.0, time % 3.0))
-        yield time, f'{space}/odom', odometry(
-            time, where, vector(got, 0.0, 0.0), turn(max(time - 0.1, 0.0)) + slip()
+        yield (
+            time,
+            f'{space}/odom',
+            odometry(time, where, vector(got, 0.0, 0.0), turn(max(time - 0.1, 0.0)) + slip()),
         )
 
 
@@ -523,17 +538,21 @@ def legged(drive: Drive) -> Iterator[Any]:
             for q, dq, load in values(time).values()
         ]
         low = 5.0 if drive.has('low battery', time) else 0.0
-        yield time, '/lowstate', make(
-            'unitree_go/LowState',
-            head=np.array([254, 239], np.uint8),
-            sn=np.array([1, 2], np.uint32),
-            imu_state=imu,
-            motor_state=motors,
-            foot_force=np.array([foot(time) for foot in feet], np.int16),
-            tick=int(time * 1000) + 1000 * drive.seed,
-            power_v=start - 0.002 * time - low,
-            power_a=2.0 + abs(roll(time)) * 20,
-            crc=int(drive.seed * 1_000_003 + time * 7_919_317) % 2**32,
+        yield (
+            time,
+            '/lowstate',
+            make(
+                'unitree_go/LowState',
+                head=np.array([254, 239], np.uint8),
+                sn=np.array([1, 2], np.uint32),
+                imu_state=imu,
+                motor_state=motors,
+                foot_force=np.array([foot(time) for foot in feet], np.int16),
+                tick=int(time * 1000) + 1000 * drive.seed,
+                power_v=start - 0.002 * time - low,
+                power_a=2.0 + abs(roll(time)) * 20,
+                crc=int(drive.seed * 1_000_003 + time * 7_919_317) % 2**32,
+            ),
         )
 
 
@@ -549,17 +568,23 @@ def arm(drive: Drive) -> Iterator[Any]:
             force=vector(hit, 1.0, -force(time)),
             torque=vector(0.1, 0.2, force(time) / 30),
         )
-        yield time, '/ft_sensor/wrench', make(
-            'geometry_msgs/WrenchStamped', header=header(time), wrench=wrench
+        yield (
+            time,
+            '/ft_sensor/wrench',
+            make('geometry_msgs/WrenchStamped', header=header(time), wrench=wrench),
         )
         errors = np.array([part(time) for part in lag.values()])
         errors[2] += 0.3 if drive.has('tracking error', time) else 0.0
         point = make('trajectory_msgs/JointTrajectoryPoint', positions=errors)
-        yield time, '/arm_controller/state', make(
-            'control_msgs/JointTrajectoryControllerState',
-            header=header(time),
-            joint_names=list(ARM),
-            error=point,
+        yield (
+            time,
+            '/arm_controller/state',
+            make(
+                'control_msgs/JointTrajectoryControllerState',
+                header=header(time),
+                joint_names=list(ARM),
+                error=point,
+            ),
         )
 
 
@@ -571,8 +596,10 @@ def arm_with_gripper(drive: Drive) -> Iterator[Any]:
         yield time, '/joint_states', joint_state(time, values(time))
         position, speed, load = grip(time)['finger_joint']
         load = 20.0 if drive.has('gripper stall', time) else load
-        yield time + 0.004, '/joint_states', joint_state(
-            time + 0.004, {'finger_joint': (position, speed, load)}
+        yield (
+            time + 0.004,
+            '/joint_states',
+            joint_state(time + 0.004, {'finger_joint': (position, speed, load)}),
         )
 
 
@@ -602,38 +629,50 @@ def px4(drive: Drive) -> Iterator[Any]:
     for time in ticks(50.0):
         now, clock = state(time), int((boot + time) * 1e6)
         x, y, z = now['velocity']
-        yield time, '/fmu/out/vehicle_odometry', make(
-            'px4_msgs/VehicleOdometry',
-            timestamp=clock,
-            timestamp_sample=clock - 2000,
-            pose_frame=1,
-            position=np.array([time, math.sin(time), -now['height']], np.float32),
-            q=np.array(quaternion(*now['angles']), np.float32),
-            velocity=np.array([x, y, -z], np.float32),
-            angular_velocity=np.array(now['rates'], np.float32),
-            position_variance=np.array([0.1, 0.1, 0.2], np.float32),
+        yield (
+            time,
+            '/fmu/out/vehicle_odometry',
+            make(
+                'px4_msgs/VehicleOdometry',
+                timestamp=clock,
+                timestamp_sample=clock - 2000,
+                pose_frame=1,
+                position=np.array([time, math.sin(time), -now['height']], np.float32),
+                q=np.array(quaternion(*now['angles']), np.float32),
+                velocity=np.array([x, y, -z], np.float32),
+                angular_velocity=np.array(now['rates'], np.float32),
+                position_variance=np.array([0.1, 0.1, 0.2], np.float32),
+            ),
         )
     start, draw = 16.3 - 0.1 * (drive.seed % 3), drive.wave('draw', 9.0, 15.0)
     for time in ticks(2.0):
         low = 2.5 if drive.has('low battery', time) else 0.0
-        yield time, '/fmu/out/battery_status', make(
-            'px4_msgs/BatteryStatus',
-            timestamp=int((boot + time) * 1e6),
-            connected=True,
-            voltage_v=start - 0.01 * time - low,
-            current_a=draw(time),
-            discharged_mah=3.0 * time,
-            remaining=0.9 - 0.001 * time - low / 4,
-            cell_count=4,
-            cycle_count=12 + drive.seed,
-            id=1,
+        yield (
+            time,
+            '/fmu/out/battery_status',
+            make(
+                'px4_msgs/BatteryStatus',
+                timestamp=int((boot + time) * 1e6),
+                connected=True,
+                voltage_v=start - 0.01 * time - low,
+                current_a=draw(time),
+                discharged_mah=3.0 * time,
+                remaining=0.9 - 0.001 * time - low / 4,
+                cell_count=4,
+                cycle_count=12 + drive.seed,
+                id=1,
+            ),
         )
-        yield time, '/fmu/out/vehicle_status', make(
-            'px4_msgs/VehicleStatus',
-            timestamp=int((boot + time) * 1e6),
-            armed_time=int(boot * 1e6),
-            arming_state=2,
-            nav_state=14,
+        yield (
+            time,
+            '/fmu/out/vehicle_status',
+            make(
+                'px4_msgs/VehicleStatus',
+                timestamp=int((boot + time) * 1e6),
+                armed_time=int(boot * 1e6),
+                arming_state=2,
+                nav_state=14,
+            ),
         )
 
 
@@ -642,29 +681,43 @@ def mavros(drive: Drive) -> Iterator[Any]:
     state, jolt = _flight(drive), drive.noise('jolt', 0.2)
     for time in ticks(30.0):
         now = state(time)
-        yield time, '/mavros/imu/data', make(
-            'sensor_msgs/Imu',
-            header=header(time),
-            orientation=orientation(*now['angles']),
-            angular_velocity=vector(*now['rates']),
-            linear_acceleration=vector(jolt(), jolt(), 9.81 + jolt()),
+        yield (
+            time,
+            '/mavros/imu/data',
+            make(
+                'sensor_msgs/Imu',
+                header=header(time),
+                orientation=orientation(*now['angles']),
+                angular_velocity=vector(*now['rates']),
+                linear_acceleration=vector(jolt(), jolt(), 9.81 + jolt()),
+            ),
         )
-        yield time, '/mavros/local_position/pose', make(
-            'geometry_msgs/PoseStamped',
-            header=header(time, 'map'),
-            pose=pose(time, math.sin(time), now['height'], now['angles']),
+        yield (
+            time,
+            '/mavros/local_position/pose',
+            make(
+                'geometry_msgs/PoseStamped',
+                header=header(time, 'map'),
+                pose=pose(time, math.sin(time), now['height'], now['angles']),
+            ),
         )
         twist = make('geometry_msgs/Twist', linear=vector(*now['velocity']))
-        yield time, '/mavros/local_position/velocity_local', make(
-            'geometry_msgs/TwistStamped', header=header(time, 'map'), twist=twist
+        yield (
+            time,
+            '/mavros/local_position/velocity_local',
+            make('geometry_msgs/TwistStamped', header=header(time, 'map'), twist=twist),
         )
     for time in ticks(5.0):
-        yield time, '/mavros/global_position/global', make(
-            'sensor_msgs/NavSatFix',
-            header=header(time),
-            latitude=47.0 + 0.001 * drive.seed + 1e-6 * time,
-            longitude=8.0,
-            altitude=450.0 + state(time)['height'],
+        yield (
+            time,
+            '/mavros/global_position/global',
+            make(
+                'sensor_msgs/NavSatFix',
+                header=header(time),
+                latitude=47.0 + 0.001 * drive.seed + 1e-6 * time,
+                longitude=8.0,
+                altitude=450.0 + state(time)['height'],
+            ),
         )
     yield from batteries(drive, '/mavros/battery', 16.8, rate=2.0)
 
@@ -681,33 +734,45 @@ def auv(drive: Drive) -> Iterator[Any]:
             linear=vector(speed(time), sway(), climb),
             angular=vector(0.0, 0.0, 0.2 * math.sin(time / 3)),
         )
-        yield time, '/dvl/twist', make(
-            'geometry_msgs/TwistWithCovarianceStamped',
-            header=header(time),
-            twist=make('geometry_msgs/TwistWithCovariance', twist=twist),
+        yield (
+            time,
+            '/dvl/twist',
+            make(
+                'geometry_msgs/TwistWithCovarianceStamped',
+                header=header(time),
+                twist=make('geometry_msgs/TwistWithCovariance', twist=twist),
+            ),
         )
         yield time, '/depth', make('std_msgs/Float64', data=deep)
         above = 0.4 if drive.has('collision', time) else ground_at(time) - depth(time)
-        yield time, '/altimeter', make(
-            'sensor_msgs/Range',
-            header=header(time),
-            field_of_view=0.1,
-            min_range=0.1,
-            max_range=50.0,
-            range=above,
+        yield (
+            time,
+            '/altimeter',
+            make(
+                'sensor_msgs/Range',
+                header=header(time),
+                field_of_view=0.1,
+                min_range=0.1,
+                max_range=50.0,
+                range=above,
+            ),
         )
         rpm = np.array([800 + 400 * math.sin(time / 2 + place) for place in range(4)], np.float32)
         load = np.array(2.0 + np.abs(rpm) / 400, np.float32)
         load[1] = 30.0 if drive.has('stall', time) else load[1]
-        yield time, '/thrusters/state', make(
-            'demo_msgs/ThrusterState',
-            header=header(time),
-            uptime=int(1000 * drive.seed + time),
-            sequence=int(drive.seed * 5000 + time * 20),
-            rpm=rpm,
-            current=load,
-            setpoint=speed(time),
-            mode=3,
+        yield (
+            time,
+            '/thrusters/state',
+            make(
+                'demo_msgs/ThrusterState',
+                header=header(time),
+                uptime=int(1000 * drive.seed + time),
+                sequence=int(drive.seed * 5000 + time * 20),
+                rpm=rpm,
+                current=load,
+                setpoint=speed(time),
+                mode=3,
+            ),
         )
     yield from imus(drive, '/imu', sway=0.08)
     yield from batteries(drive, '/battery', 28.0)
@@ -723,15 +788,17 @@ def boat(drive: Drive) -> Iterator[Any]:
         twist = make(
             'geometry_msgs/Twist', linear=vector(ahead * math.cos(way), ahead * math.sin(way), 0.0)
         )
-        yield time, '/gps/vel', make(
-            'geometry_msgs/TwistStamped', header=header(time), twist=twist
-        )
-        yield time, '/gps/fix', make(
-            'sensor_msgs/NavSatFix',
-            header=header(time),
-            latitude=60.0 + 1e-5 * time,
-            longitude=20.0 + 0.1 * drive.seed,
-            altitude=1.0 + 0.05 * math.sin(time),
+        yield time, '/gps/vel', make('geometry_msgs/TwistStamped', header=header(time), twist=twist)
+        yield (
+            time,
+            '/gps/fix',
+            make(
+                'sensor_msgs/NavSatFix',
+                header=header(time),
+                latitude=60.0 + 1e-5 * time,
+                longitude=20.0 + 0.1 * drive.seed,
+                altitude=1.0 + 0.05 * math.sin(time),
+            ),
         )
         yield time, '/rudder/command', make('std_msgs/Float32', data=rudder(time))
         yield time, '/rudder/angle', make('std_msgs/Float32', data=rudder(time) + slack())
@@ -748,21 +815,35 @@ def car(drive: Drive) -> Iterator[Any]:
         got = 25.0 if fast else got
         wheel = steer(time) + loose() / 10
         wheel += 0.15 if drive.has('tracking error', time) else 0.0
-        yield time, '/vehicle/status/velocity_status', make(
-            'autoware_vehicle_msgs/VelocityReport',
-            header=header(time),
-            longitudinal_velocity=got,
-            heading_rate=got * math.tan(steer(time)) / 2.8,
+        yield (
+            time,
+            '/vehicle/status/velocity_status',
+            make(
+                'autoware_vehicle_msgs/VelocityReport',
+                header=header(time),
+                longitudinal_velocity=got,
+                heading_rate=got * math.tan(steer(time)) / 2.8,
+            ),
         )
-        yield time, '/vehicle/status/steering_status', make(
-            'autoware_vehicle_msgs/SteeringReport', stamp=_stamp(time), steering_tire_angle=wheel
+        yield (
+            time,
+            '/vehicle/status/steering_status',
+            make(
+                'autoware_vehicle_msgs/SteeringReport',
+                stamp=_stamp(time),
+                steering_tire_angle=wheel,
+            ),
         )
-        yield time, '/control/command/control_cmd', make(
-            'autoware_control_msgs/Control',
-            stamp=_stamp(time),
-            lateral=make('autoware_control_msgs/Lateral', steering_tire_angle=steer(time)),
-            longitudinal=make(
-                'autoware_control_msgs/Longitudinal', velocity=25.0 if fast else speed(time)
+        yield (
+            time,
+            '/control/command/control_cmd',
+            make(
+                'autoware_control_msgs/Control',
+                stamp=_stamp(time),
+                lateral=make('autoware_control_msgs/Lateral', steering_tire_angle=steer(time)),
+                longitudinal=make(
+                    'autoware_control_msgs/Longitudinal', velocity=25.0 if fast else speed(time)
+                ),
             ),
         )
     yield from imus(drive, '/sensing/imu/imu_data', sway=0.03)
@@ -776,35 +857,47 @@ def racecar(drive: Drive) -> Iterator[Any]:
         got = speed(time) + slip() + (4.0 if drive.has('too fast', time) else 0.0)
         stalled = drive.has('stall', time)
         got, far = 0.0 if stalled else got, far + got / 40
-        yield time, '/drive', make(
-            'ackermann_msgs/AckermannDriveStamped',
-            header=header(time),
-            drive=make(
-                'ackermann_msgs/AckermannDrive', speed=speed(time), steering_angle=steer(time)
+        yield (
+            time,
+            '/drive',
+            make(
+                'ackermann_msgs/AckermannDriveStamped',
+                header=header(time),
+                drive=make(
+                    'ackermann_msgs/AckermannDrive', speed=speed(time), steering_angle=steer(time)
+                ),
             ),
         )
-        yield time, '/odom', odometry(
+        yield (
             time,
-            pose(time, 0.0, 0.0, (0.0, 0.0, steer(time))),
-            vector(got, 0.0, 0.0),
-            got * math.tan(steer(time)) / 0.33,
+            '/odom',
+            odometry(
+                time,
+                pose(time, 0.0, 0.0, (0.0, 0.0, steer(time))),
+                vector(got, 0.0, 0.0),
+                got * math.tan(steer(time)) / 0.33,
+            ),
         )
         low = 4.0 if drive.has('low battery', time) else 0.0
-        yield time, '/sensors/core', make(
-            'vesc_msgs/VescStateStamped',
-            header=header(time),
-            state=make(
-                'vesc_msgs/VescState',
-                temperature_fet=35.0 + 3 * math.sin(time / 10),
-                current_motor=60.0 if stalled else 2.0 + 3.0 * got + slip(),
-                current_input=1.0 + got,
-                duty_cycle=got / 20,
-                speed=4000.0 * got,
-                voltage_input=15.8 - 0.1 * (drive.seed % 3) - 0.003 * time - low,
-                charge_drawn=0.01 * time,
-                energy_drawn=0.2 * time,
-                displacement=int(far * 100),
-                distance_traveled=int(far * 100),
+        yield (
+            time,
+            '/sensors/core',
+            make(
+                'vesc_msgs/VescStateStamped',
+                header=header(time),
+                state=make(
+                    'vesc_msgs/VescState',
+                    temperature_fet=35.0 + 3 * math.sin(time / 10),
+                    current_motor=60.0 if stalled else 2.0 + 3.0 * got + slip(),
+                    current_input=1.0 + got,
+                    duty_cycle=got / 20,
+                    speed=4000.0 * got,
+                    voltage_input=15.8 - 0.1 * (drive.seed % 3) - 0.003 * time - low,
+                    charge_drawn=0.01 * time,
+                    energy_drawn=0.2 * time,
+                    displacement=int(far * 100),
+                    distance_traveled=int(far * 100),
+                ),
             ),
         )
     yield from scans(drive, '/scan')
@@ -816,23 +909,31 @@ def vacuum(drive: Drive) -> Iterator[Any]:
     left = drive.wave('left', 60.0, 150.0)
     for time in ticks(25.0):
         kinds = [1] if drive.has('bump', time) else [2] if drive.has('cliff', time) else []
-        yield time, '/hazard_detection', make(
-            'irobot_create_msgs/HazardDetectionVector',
-            header=header(time),
-            detections=[
-                make('irobot_create_msgs/HazardDetection', header=header(time), type=kind)
-                for kind in kinds
-            ],
+        yield (
+            time,
+            '/hazard_detection',
+            make(
+                'irobot_create_msgs/HazardDetectionVector',
+                header=header(time),
+                detections=[
+                    make('irobot_create_msgs/HazardDetection', header=header(time), type=kind)
+                    for kind in kinds
+                ],
+            ),
         )
         load = 900.0 if drive.has('stall', time) else left(time)
-        yield time, '/wheel_status', make(
-            'irobot_create_msgs/WheelStatus',
-            header=header(time),
-            current_ma_left=int(load),
-            current_ma_right=int(left(time + 1)),
-            pwm_left=60,
-            pwm_right=60,
-            wheels_enabled=True,
+        yield (
+            time,
+            '/wheel_status',
+            make(
+                'irobot_create_msgs/WheelStatus',
+                header=header(time),
+                current_ma_left=int(load),
+                current_ma_right=int(left(time + 1)),
+                pwm_left=60,
+                pwm_right=60,
+                wheels_enabled=True,
+            ),
         )
     yield from imus(drive, '/imu', sway=0.02)
     yield from batteries(drive, '/battery_state', 16.0)
@@ -866,8 +967,10 @@ def humanoid(drive: Drive) -> Iterator[Any]:
         yield time, '/joint_states', joint_state(time, values(time))
         for side, load in zip(('left', 'right'), feet, strict=True):
             wrench = make('geometry_msgs/Wrench', force=vector(5.0, 3.0, load(time)))
-            yield time, f'/{side}_foot/wrench', make(
-                'geometry_msgs/WrenchStamped', header=header(time), wrench=wrench
+            yield (
+                time,
+                f'/{side}_foot/wrench',
+                make('geometry_msgs/WrenchStamped', header=header(time), wrench=wrench),
             )
     yield from imus(drive, '/imu', sway=0.06)
 
@@ -912,9 +1015,7 @@ ROBOTS = {
         arm_with_gripper, {'stall': 'effort', 'too fast': 'velocity', 'gripper stall': 'finger'}
     ),
     'px4': Robot(px4, {'tilt': 'tilt', 'low battery': 'battery', 'too fast': 'speed'}),
-    'mavros': Robot(
-        mavros, {'tilt': 'tilt|roll', 'low battery': 'battery', 'too fast': 'speed'}
-    ),
+    'mavros': Robot(mavros, {'tilt': 'tilt|roll', 'low battery': 'battery', 'too fast': 'speed'}),
     'auv': Robot(
         auv,
         {

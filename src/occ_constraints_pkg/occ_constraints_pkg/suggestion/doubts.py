@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from occ_constraints_pkg.suggestion.inspection import TopicInspection
+from occ_constraints_pkg.suggestion.inspection import LEAST_MESSAGES, TopicInspection
 from occ_constraints_pkg.suggestion.meanings import is_command, words_of
 
 # More than this many rad, or rad/s, are degrees.
@@ -17,7 +17,6 @@ _MOST_ANGLE, _MOST_TURN_RATE = 7.0, 20.0
 # Stamps of two topics that differ by more are of two clocks.
 _CLOCK_S = 1.0
 _BURST_SHARE = 0.3
-_LEAST_MESSAGES = 10
 
 
 def doubts_of(topic: TopicInspection, pace: TopicInspection | None) -> Iterator[str]:
@@ -30,7 +29,7 @@ def doubts_of(topic: TopicInspection, pace: TopicInspection | None) -> Iterator[
     yield from _clock(topic, pace)
     if topic.scan is not None:
         yield from _scan(topic)
-    if topic.count >= _LEAST_MESSAGES:
+    if topic.count >= LEAST_MESSAGES:
         yield from _angles(topic)
         yield from _turn_rates(topic)
 
@@ -101,9 +100,12 @@ def _angles(topic: TopicInspection) -> Iterator[str]:
     found = []
     for path, series in topic.series.items():
         words = set(words_of(path))
-        is_angle = path.startswith('position[') if is_joints else bool(
-            words & {'roll', 'pitch', 'yaw', 'rpy', 'steering', 'heading'}
-        ) and not words & {'rate', 'speed', 'velocity', 'effort', 'error'}
+        is_angle = (
+            path.startswith('position[')
+            if is_joints
+            else bool(words & {'roll', 'pitch', 'yaw', 'rpy', 'steering', 'heading'})
+            and not words & {'rate', 'speed', 'velocity', 'effort', 'error'}
+        )
         if not is_angle or words & {'deg', 'degrees'} or series.only_rises or series.is_integer:
             continue
         if _is_large(series.finite, _MOST_ANGLE, 720.0):

@@ -35,8 +35,6 @@ from occ_constraints_pkg.suggestion.statistics import FeatureStatistics
 _SECTORS = 8
 # A scan that covers at least this many degrees is taken to look all around.
 _ALL_AROUND = 350.0
-# Fewer messages are too few to suggest features from.
-_LEAST_MESSAGES = 10
 _NICE = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
 # Columns of our own tables that are not sensor values.
 _STEP_COLUMNS = {'reward', 'terminated', 'truncated', 'episode', 'true_cost'}
@@ -47,7 +45,18 @@ _COMMON = re.compile(r'(std|sensor|geometry|nav|trajectory|shape|stereo)_msgs/')
 _CONSTANT = re.compile(r'^u?int8\s+([A-Z][A-Z_0-9]*)\s*=\s*(\d+)', re.MULTILINE)
 # In the order in which their entries are written.
 KINDS = (
-    *('table', 'Odometry', 'LaserScan', 'Range', 'Imu', 'pose', 'velocity', 'motion', 'joints', 'force'),
+    *(
+        'table',
+        'Odometry',
+        'LaserScan',
+        'Range',
+        'Imu',
+        'pose',
+        'velocity',
+        'motion',
+        'joints',
+        'force',
+    ),
     *('position', 'error', 'numbers', 'battery', 'command'),
 )
 # More than this many rad or rad/s are degrees.
@@ -70,6 +79,7 @@ class Candidate:
         role: what it measures; None where the values alone decide on steps.
         group: features that are one family if they behave alike; empty for none.
         once: of candidates with the same word here, one is used.
+        replaced_by: the candidate that is used instead.
         part_of: what another candidate, with this word in ``once``, tells as well.
         moves: whether a vector changes, be its length as it may.
         is_extra: whether it is not worth a comment when it never changes.
@@ -78,6 +88,7 @@ class Candidate:
         is_brief: whether its name and the reason are enough of a comment when it is set aside.
         is_dull: whether it was set aside because it never changes.
         family_seen: of a family, the statistics of all members.
+        name: what it is called where no other candidate is.
     """
 
     entry: dict[str, Any]
@@ -89,6 +100,7 @@ class Candidate:
     role: Role | None = None
     group: str = ''
     once: str = ''
+    replaced_by: Candidate | None = None
     part_of: str = ''
     moves: bool = False
     is_extra: bool = False
@@ -97,24 +109,23 @@ class Candidate:
     is_brief: bool = False
     is_dull: bool = False
     family_seen: tuple[FeatureStatistics, ...] = ()
+    name: str = ''
+
+    def __post_init__(self) -> None:
+        self.name = self.name or self.entry['name']
 
 
 def candidates_of(topic: TopicInspection) -> Iterator[Candidate]:
     """Yield the features that the type of a topic, or its structure, suggests."""
-    if not topic.decoded:
+    if topic.silence:
         return
-    few = '' if topic.count >= _LEAST_MESSAGES else f'only {topic.count} messages'
-    away = topic.missing_in and f'there is no {topic.name} in {", ".join(topic.missing_in)}'
     heuristic = _HEURISTICS.get(topic.msgtype)
     if topic.msgtype in ('sensor_msgs/msg/LaserScan', 'sensor_msgs/msg/PointCloud2'):
-        found = _LARGE[topic.msgtype](topic)
+        yield from _LARGE[topic.msgtype](topic)
     elif heuristic is not None:
-        found = heuristic(topic, '')
+        yield from heuristic(topic, '')
     else:
-        found = _limited(topic, _structure(topic, topic.sample, ''))
-    for item in found:
-        item.aside = item.aside or few or away or ''
-        yield item
+        yield from _limited(topic, _structure(topic, topic.sample, ''))
 
 
 def _entry(
@@ -311,9 +322,7 @@ def _battery(topic: TopicInspection, path: str) -> Iterator[Candidate]:
 
 def _range(topic: TopicInspection, path: str) -> Iterator[Candidate]:
     top = float(topic.sample.max_range)
-    item = _plain(
-        topic, f'range_{topic.stem}', f'{path}range', 'm', 'Range', missing='max_range'
-    )
+    item = _plain(topic, f'range_{topic.stem}', f'{path}range', 'm', 'Range', missing='max_range')
     if 0.0 < top < math.inf:
         item.entry['transform'] = [{'clip': [0, top]}]
         item.entry['bounds'] = [0, top]
@@ -512,6 +521,7 @@ def _array(topic: TopicInspection, path: str, value: Any) -> Iterator[Candidate]
     elif words & {'rpy', 'euler'} and size == 3:
         tilt = _entry(topic, 'tilt', f'{path}[0:2]|norm', 'tilt', 'motion')
         tilt.once, tilt.is_extra = 'tilt', True
+        tilt.moves = any(series.high - series.low > 0.01 for _, series in elements[:2])
         tilt.remark = 'the norm of roll and pitch'
         if any(_looks_like_degrees(series, _MOST_ANGLE) for _, series in elements[:2]):
             tilt.aside = _DEGREES
@@ -590,7 +600,7 @@ def _vector(topic: TopicInspection, path: str) -> Iterator[Candidate]:
     for item in found:
         if commanded:
             item.kind = 'command'
-            item.entry['name'] = f'commanded_{item.entry["name"]}'
+            item.name = item.entry['name'] = f'commanded_{item.name}'
             item.once = ''
         item.is_extra, item.moves = True, _moves(topic, path)
         yield item
@@ -656,7 +666,9 @@ def _limited(topic: TopicInspection, items: Iterable[Candidate]) -> Iterator[Can
         if _COMMON.match(topic.msgtype) and topic.package != 'std_msgs':
             item.aside = f'the meaning of a {topic.msgtype} is not known'
         elif len(doubtful) > _MOST_NUMBERS:
-            item.aside = f'one of {len(doubtful)} numbers of a {topic.msgtype}, whose meaning is not known'
+            item.aside = (
+                f'one of {len(doubtful)} numbers of a {topic.msgtype}, whose meaning is not known'
+            )
     yield from found
 
 

@@ -17,6 +17,7 @@ from occ_constraints_pkg.features.fields import field_names
 from occ_constraints_pkg.rosbag.recording import Recording
 from occ_constraints_pkg.rosbag.storage import Block
 from occ_constraints_pkg.suggestion.scans import ScanShape
+from occ_constraints_pkg.wording import count_of
 
 # Packages whose messages are about the ROS graph or for viewers, not about the robot's state.
 _NOT_SENSORS = frozenset(
@@ -33,6 +34,8 @@ _KNOWN_LARGE = ('sensor_msgs/msg/LaserScan', 'sensor_msgs/msg/PointCloud2')
 _DECODED = 2000
 # Longer arrays are images, maps or clouds; their elements are not looked at one by one.
 MOST_ELEMENTS = 40
+# Fewer messages are too few to suggest features from.
+LEAST_MESSAGES = 10
 # Stamps that jump ahead by more are of a clock that was set.
 _LONG_JUMP_S = 86_400.0
 
@@ -83,9 +86,7 @@ class Series:
     def only_rises(self) -> bool:
         """Whether it only rises in each recording, or only falls, and in many steps."""
         steps = [np.diff(part) for part in self.parts if len(part) > 1]
-        if not steps or not all(
-            np.count_nonzero(part) > max(len(part) // 10, 5) for part in steps
-        ):
+        if not steps or not all(np.count_nonzero(part) > max(len(part) // 10, 5) for part in steps):
             return False
         return any(all((sign * part >= 0).all() for part in steps) for sign in (1, -1))
 
@@ -166,7 +167,7 @@ class TopicInspection:
 
     @property
     def silence(self) -> str:
-        """Why nothing of the topic could be looked at; empty if something was."""
+        """Why no feature can be read from the topic; empty if one could be."""
         if not self.count:
             return 'it has no message'
         if self.serialization != 'cdr':
@@ -177,6 +178,10 @@ class TopicInspection:
             return self.problem
         if not self.decoded:
             return f'its messages have up to {self.bytes} bytes, as those of images and maps have'
+        if self.missing_in:
+            return f'it is not in {", ".join(self.missing_in)}'
+        if self.count < LEAST_MESSAGES:
+            return f'it has {count_of(self.count, "message")}, fewer than {LEAST_MESSAGES}'
         return ''
 
 

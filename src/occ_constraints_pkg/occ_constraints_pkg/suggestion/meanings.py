@@ -47,7 +47,17 @@ _NO_FEATURES: tuple[tuple[frozenset[str], str], ...] = (
     (
         frozenset(
             (
-                *('variance', 'var', 'covariance', 'std', 'stddev', 'sigma', 'hdop', 'vdop', 'pdop'),
+                *(
+                    'variance',
+                    'var',
+                    'covariance',
+                    'std',
+                    'stddev',
+                    'sigma',
+                    'hdop',
+                    'vdop',
+                    'pdop',
+                ),
                 *('eph', 'epv', 'evh', 'evv', 'accuracy', 'uncertainty'),
             )
         ),
@@ -56,7 +66,17 @@ _NO_FEATURES: tuple[tuple[frozenset[str], str], ...] = (
     (
         frozenset(
             (
-                *('lat', 'latitude', 'lon', 'lng', 'longitude', 'easting', 'northing', 'utm', 'east'),
+                *(
+                    'lat',
+                    'latitude',
+                    'lon',
+                    'lng',
+                    'longitude',
+                    'easting',
+                    'northing',
+                    'utm',
+                    'east',
+                ),
                 *('north', 'heading', 'yaw', 'course', 'cog', 'azimuth', 'bearing', 'track'),
             )
         ),
@@ -115,7 +135,7 @@ ROLES = {
     'distance': Role('m', 'below', resolution=0.01),
     'force': Role('N', 'above', is_magnitude=True),
     'torque': Role('N m', 'above', is_magnitude=True),
-    'effort': Role('1', 'above', is_magnitude=True),
+    'effort': Role('1', 'above', is_magnitude=True, steps=5),
     'voltage': Role('V', 'below', drains=True),
     'charge': Role('1', 'below', drains=True),
     'current': Role('A', 'above', is_magnitude=True),
@@ -125,7 +145,7 @@ ROLES = {
     'error': Role('1', 'above', is_magnitude=True, steps=5),
     'drive': Role('1', 'above', is_magnitude=True),
     'joint position': Role('rad', resolution=0.01, steps=20),
-    'joint speed': Role('rad/s', 'above', is_magnitude=True, resolution=0.01),
+    'joint speed': Role('rad/s', 'above', is_magnitude=True, resolution=0.01, steps=5),
     'flag': Role('1', 'above'),
     'number': Role('1', steps=20),
 }
@@ -145,7 +165,10 @@ _ROLE_WORDS: tuple[tuple[str, frozenset[str]], ...] = (
         'turn rate',
         frozenset(('gyro', 'gyroscope', 'angular', 'yawrate', 'omega', 'rollspeed', 'yawspeed')),
     ),
-    ('acceleration', frozenset(('acceleration', 'accel', 'acc', 'accelerometer', 'ax', 'ay', 'az'))),
+    (
+        'acceleration',
+        frozenset(('acceleration', 'accel', 'acc', 'accelerometer', 'ax', 'ay', 'az')),
+    ),
     ('vertical speed', frozenset(('climb', 'vz', 'sink', 'vertical'))),
     ('speed', frozenset(('speed', 'velocity', 'vel', 'velocities', 'sog'))),
     ('velocity', frozenset(('vx', 'vy', 'lateral', 'rate'))),
@@ -154,7 +177,9 @@ _ROLE_WORDS: tuple[tuple[str, frozenset[str]], ...] = (
     ('height', frozenset(('altitude', 'alt', 'height', 'depth', 'elevation'))),
     (
         'distance',
-        frozenset(('range', 'ranges', 'distance', 'clearance', 'dist', 'proximity', 'headway', 'gap')),
+        frozenset(
+            ('range', 'ranges', 'distance', 'clearance', 'dist', 'proximity', 'headway', 'gap')
+        ),
     ),
     ('pressure', frozenset(('pressure',))),
     ('joint position', frozenset(('q', 'position', 'positions', 'pos'))),

@@ -60,8 +60,10 @@ def _alike(spaces: Mapping[str, set[tuple[str, str]]]) -> list[str]:
             continue
         shared = [own & other for others, other in spaces.items() if others != name]
         kinds = [{kind for _, kind in both if _OF_ONE_ROBOT.search(kind)} for both in shared]
-        if any(_is_like(name, other) and kind or len(kind) > 1
-               for other, kind in zip((n for n in spaces if n != name), kinds, strict=True)):
+        if any(
+            _is_like(name, other) and kind or len(kind) > 1
+            for other, kind in zip((n for n in spaces if n != name), kinds, strict=True)
+        ):
             found.append(name)
     return sorted(found) if len(found) > 1 else []
 

@@ -134,9 +134,7 @@ class ScanShape:
             often = seen > 0.9
             if not often.any():
                 return []
-            spans[often] = np.nanmax(filled[:, often], axis=0) - np.nanmin(
-                filled[:, often], axis=0
-            )
+            spans[often] = np.nanmax(filled[:, often], axis=0) - np.nanmin(filled[:, often], axis=0)
             medians = np.full(scans.shape[1], np.inf)
             medians[often] = np.nanmedian(filled[:, often], axis=0)
         moving = np.median(spans[often]) > _MOVED
@@ -144,7 +142,9 @@ class ScanShape:
         if not moving or not own.any():
             return []
         sectors, width = [], self.step
-        for run in np.split(np.flatnonzero(own), np.flatnonzero(np.diff(np.flatnonzero(own)) > 1) + 1):
+        for run in np.split(
+            np.flatnonzero(own), np.flatnonzero(np.diff(np.flatnonzero(own)) > 1) + 1
+        ):
             low, high = (self.first + width * beam for beam in (run[0], run[-1]))
             sectors.append([math.floor(low - width / 2), math.ceil(high + width / 2)])
         return sectors

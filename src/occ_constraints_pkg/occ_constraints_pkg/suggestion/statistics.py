@@ -176,9 +176,7 @@ def map_rows(
 
     Args and Raises: see :func:`map_statistics`.
     """
-    topics = {
-        topic_key(name): recording.find(topic_key(name)) for name in feature_map.topics
-    }
+    topics = {topic_key(name): recording.find(topic_key(name)) for name in feature_map.topics}
     total, done = sum(recording.topics[name].count for name in topics.values()), 0
     parts: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
     if BlockExtractor.reads(recording, topics, feature_map):

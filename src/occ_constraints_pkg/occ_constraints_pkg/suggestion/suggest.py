@@ -145,7 +145,10 @@ def _suggest(
     told: list[str] = []
     if used:
         _assess(recordings, candidates, progress)
-        candidates = _ordered(candidates)
+        candidates = _ordered(
+            [item for item in candidates if not (item.aside and item.is_extra and item.is_dull)]
+        )
+        _rename(candidates)
         used = [item for item in candidates if not item.aside]
     seen, pace, max_age = MapStatistics(0, 0.0, 0.0, 0, (), ()), None, 0.5
     if used:
@@ -158,7 +161,6 @@ def _suggest(
             feature_map = _map(used, pace, max_age)
             rows = [map_rows(item, feature_map, progress=progress) for item in recordings]
         seen = rows[0].statistics()
-    candidates = [item for item in candidates if not (item.aside and item.is_extra and item.is_dull)]
     named = {item.topic.name for item in candidates}
     return Suggestion(
         name=', '.join(recording.name for recording in recordings),
@@ -183,9 +185,7 @@ def _ordered(candidates: Sequence[Candidate]) -> list[Candidate]:
     first: dict[str, int] = {}
     for place, item in enumerate(candidates):
         first.setdefault(item.entry.get('family', item.entry['name']), place)
-    return sorted(
-        candidates, key=lambda item: first[item.entry.get('family', item.entry['name'])]
-    )
+    return sorted(candidates, key=lambda item: first[item.entry.get('family', item.entry['name'])])
 
 
 def _reason(topic: TopicInspection, robot: str) -> str:
@@ -216,6 +216,7 @@ def _set_aside(candidates: Sequence[Candidate]) -> None:
             chosen_item = once.setdefault(item.once, item)
             if chosen_item is not item:
                 item.aside = f'{item.once} of {chosen_item.topic.name} is used instead'
+                item.replaced_by = chosen_item
     for item in candidates:
         if item.part_of in once and not item.aside:
             item.aside = f'{item.part_of} of {once[item.part_of].topic.name} is used instead'
@@ -239,10 +240,10 @@ def _set_aside(candidates: Sequence[Candidate]) -> None:
 
 def _rename(candidates: Sequence[Candidate]) -> None:
     """Make names unique by the names of topics, those set aside included."""
-    names = [item.entry['name'] for item in candidates]
+    names = [item.name for item in candidates]
     taken: set[str] = set()
     for item in sorted(candidates, key=lambda item: bool(item.aside)):
-        name = item.entry['name']
+        name = item.name
         if names.count(name) > 1 and name in taken:
             name = f'{name}_{identifier(item.topic.key)}'
         while name in taken:
@@ -259,15 +260,18 @@ def _alignment(
     That is twice the longest usual time between messages, from 0.2 s on; topics that are slow get
     an age of their own. Topics whose stamps are of another clock are aged by arrival.
     """
-    pace = pace or min(
-        used,
-        key=lambda item: (
-            _PACES.index(item.kind),
-            'minus' in item.entry,
-            item.topic.slow_period_s > _SLOW_S,
-            item.topic.name,
-        ),
-    ).topic
+    pace = (
+        pace
+        or min(
+            used,
+            key=lambda item: (
+                _PACES.index(item.kind),
+                'minus' in item.entry,
+                item.topic.slow_period_s > _SLOW_S,
+                item.topic.name,
+            ),
+        ).topic
+    )
     periods = [item.topic.slow_period_s for item in used]
     quick = [period for period in periods if 0.0 < period <= _SLOW_S]
     max_age = max(_twice(max(quick, default=0.25)), 0.2)
@@ -331,6 +335,7 @@ def _assess(
         item.seen = tuple(features[column] for features in found for column in columns)
         if not item.aside:
             item.aside, item.is_dull = _flaw(item)
+    _put_back(readable)
     form_families([item for item in readable if not item.aside and item.group])
     for item in readable:
         if item.aside:
@@ -343,6 +348,16 @@ def _assess(
             _limit(item)
         elif 'sectors' not in item.entry and item.kind != 'table':
             _round(item)
+
+
+def _put_back(candidates: Sequence[Candidate]) -> None:
+    """Use what was set aside for another candidate that cannot be used after all."""
+    back: set[str] = set()
+    for item in candidates:
+        if item.replaced_by is not None and item.replaced_by.aside and item.once not in back:
+            item.aside, item.is_dull = _flaw(item)
+            if not item.aside:
+                back.add(item.once)
 
 
 def _flaw(item: Candidate) -> tuple[str, bool]:
@@ -394,8 +409,9 @@ def _limit(item: Candidate) -> None:
     median = max(seen.median for seen in members)
     if role.is_magnitude:
         steps = [*(step for step in steps if step != 'abs'), 'abs']
-        low, high = (0.0 if low <= 0.0 <= high else min(abs(low), abs(high))), max(
-            abs(low), abs(high)
+        low, high = (
+            (0.0 if low <= 0.0 <= high else min(abs(low), abs(high))),
+            max(abs(low), abs(high)),
         )
         median = max(seen.size for seen in members)
     step = max(nice_above((high - low) / role.steps), role.resolution)

@@ -33,7 +33,7 @@ def suggestion_text(suggestion: Suggestion) -> str:
         f'{seen.rows} rows in {seen.duration_s:.1f} s, of which {seen.usable:.1%} can be judged. '
         'Read it, delete what does not matter, and uncomment what does.'
         if pace is not None
-        else 'no feature can be used as it is. Uncomment what should be, and name the trigger topic.'
+        else 'no feature can be used as it is. Uncomment what should be, and name the pace.'
     )
     lines = [
         *_comment(f'Suggested from {suggestion.name}{of_robot}: {told}'),

@@ -27,7 +27,8 @@ def tracking_errors(candidates: Sequence[Candidate]) -> list[Candidate]:
     Args:
         candidates: all of one robot.
     """
-    return [*_named(candidates), *_joints(candidates), *_numbers(candidates)]
+    able = [item for item in candidates if not item.aside]
+    return [*_named(able), *_joints(able), *_numbers(able)]
 
 
 def _named(candidates: Sequence[Candidate]) -> Iterator[Candidate]:
@@ -61,7 +62,7 @@ def _joints(candidates: Sequence[Candidate]) -> Iterator[Candidate]:
 
 def _numbers(candidates: Sequence[Candidate]) -> Iterator[Candidate]:
     """Yield differences of numbers of unknown types, where one command fits one measurement."""
-    numbers = [item for item in candidates if item.is_brief and not (item.aside or item.group)]
+    numbers = [item for item in candidates if item.is_brief and not item.group]
     measured = [item for item in numbers if item.kind != 'command' and item.role in _TRACKED]
     pairs: list[tuple[Candidate, Candidate]] = []
     for command in numbers:
@@ -83,7 +84,9 @@ def _fit(command: Candidate, measured: Candidate) -> bool:
 
 def _difference(command: Candidate, measured: Candidate, name: str) -> Candidate:
     """Return what is measured less what is commanded."""
-    read = {key: measured.entry[key] for key in ('topic', 'field', 'order') if key in measured.entry}
+    read = {
+        key: measured.entry[key] for key in ('topic', 'field', 'order') if key in measured.entry
+    }
     # Of a velocity the part ahead is commanded.
     read['field'] = read['field'].replace('linear|norm', 'linear.x')
     wanted = {key: command.entry[key] for key in ('topic', 'field') if key in command.entry}

@@ -324,6 +324,8 @@ def _assess(
         if (item.kind != 'table' or item.topic is pace)
         # Of what the structure of a message gives, that is all there is to say.
         and not (item.aside and item.is_brief)
+        # A rate is computed row by row, which takes long, and is only ever a comment.
+        and 'rate' not in item.entry.get('transform', ())
     ]
     feature_map = _map(readable, *_alignment(readable, pace))
     found = [

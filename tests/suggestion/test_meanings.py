@@ -99,3 +99,8 @@ def test_words_and_identifiers():
     assert words_of('imuState/foot_force[2]') == ['imu', 'state', 'foot', 'force', '2']
     assert identifier('left/arm.joint-1') == 'left_arm_joint_1'
     assert identifier('6th') == 'n6th'
+
+
+def test_a_flag_is_named_by_the_whole_topic():
+    found = meaning('data', topic='/bumper/front', values=RISING % 2, is_flag=True)
+    assert found.role == 'flag'

@@ -59,6 +59,8 @@ KINDS = (
     ),
     *('position', 'error', 'numbers', 'battery', 'command'),
 )
+# Joints that turn without end.
+_TURNING = {'wheel', 'rotor', 'propeller', 'caster', 'roller'}
 # More than this many rad or rad/s are degrees.
 _MOST_ANGLE, _MOST_SPEED = 7.0, 500.0
 _DEGREES = 'its values look like degrees; allowed is SI, which a step {scale: 0.0174533} makes'
@@ -321,12 +323,15 @@ def _battery(topic: TopicInspection, path: str) -> Iterator[Candidate]:
 
 
 def _range(topic: TopicInspection, path: str) -> Iterator[Candidate]:
-    top = float(topic.sample.max_range)
-    item = _plain(topic, f'range_{topic.stem}', f'{path}range', 'm', 'Range', missing='max_range')
-    if 0.0 < top < math.inf:
-        item.entry['transform'] = [{'clip': [0, top]}]
-        item.entry['bounds'] = [0, top]
-    item.remark = 'nothing in range counts as the maximum range'
+    item = _plain(topic, f'range_{topic.stem}', f'{path}range', 'm', 'Range')
+    top = topic.series[f'{path}max_range'].high
+    if not path and 0.0 < top < math.inf:
+        item.entry |= {
+            'missing': 'max_range',
+            'transform': [{'clip': [0, top]}],
+            'bounds': [0, top],
+        }
+        item.remark = 'nothing in range counts as the maximum range'
     yield item
 
 
@@ -361,7 +366,9 @@ def _joint_state(topic: TopicInspection, path: str) -> Iterator[Candidate]:
             item.group = part
             if not series.finite.size:
                 item.aside = 'it was never measured'
-            elif part == 'position' and (series.only_rises or _turns_on(series)):
+            elif part == 'position' and (
+                _TURNING & set(words_of(place)) or series.only_rises or _turns_on(series)
+            ):
                 item.aside = 'it turns on and on, as wheels do'
             yield item
 
@@ -455,10 +462,11 @@ def _structure(
 
 def _name(topic: TopicInspection, path: str) -> str:
     """Return a name for a field: that of its topic and its own."""
-    leaf = identifier(re.sub(r'\b(data|value)\b', '', re.sub(r'\w+=', '', path)).strip('.'))
-    if not re.sub(r'\b(data|value)\b', '', path).strip('.'):
-        return topic.stem
-    return leaf if leaf.startswith(topic.stem) else f'{topic.stem}_{leaf}'
+    told = re.sub(r'\b(data|value)\b|\w+=', '', path)
+    leaf = re.sub(r'[^A-Za-z0-9]+', '_', told).strip('_')
+    if leaf.startswith(topic.stem):
+        return leaf
+    return f'{topic.stem}_{leaf}' if leaf else topic.stem
 
 
 def _number(topic: TopicInspection, path: str, *, group: str = '') -> Iterator[Candidate]:
@@ -570,15 +578,18 @@ def _vector(topic: TopicInspection, path: str) -> Iterator[Candidate]:
     found: list[Candidate] = []
     if own & {'covariance', 'variance', 'var', 'delta', 'bias', 'offset'}:
         return
-    if own & {'angular', 'gyroscope', 'gyro', 'rates', 'omega'}:
+    if not own - {'vector', 'data'}:
+        own = words
+    is_change = bool(own & {'acceleration', 'accel', 'acc'})
+    if own & {'angular', 'gyroscope', 'gyro', 'rates', 'omega'} and not is_change:
         item = _entry(topic, 'turn_rate', f'{path}|norm', 'turn rate', kind)
         item.once = 'rotation'
         found.append(item)
-    elif own & {'acceleration', 'accel', 'accelerometer', 'acc'}:
+    elif own & {'accelerometer'} or (is_change and 'angular' not in own):
         item = _entry(topic, 'acceleration_norm', f'{path}|norm', 'acceleration', kind)
         item.once = 'acceleration_norm'
         found.append(item)
-    elif own & {'velocity', 'vel', 'speed', 'linear', 'twist'}:
+    elif own & {'velocity', 'vel', 'speed', 'linear', 'twist'} and not is_change:
         item = _entry(topic, 'speed', f'{path}|norm', 'velocity', kind)
         climb = _entry(topic, 'vertical_speed', z, 'vertical speed', kind)
         if down:
@@ -602,7 +613,8 @@ def _vector(topic: TopicInspection, path: str) -> Iterator[Candidate]:
             item.kind = 'command'
             item.name = item.entry['name'] = f'commanded_{item.name}'
             item.once = ''
-        item.is_extra, item.moves = True, _moves(topic, path)
+        item.is_extra = True
+        item.moves = item.entry['field'].endswith('|norm') and _moves(topic, path)
         yield item
 
 

@@ -232,7 +232,7 @@ def meaning_of(path: str, topic: str, msgtype: str, series: Series) -> Meaning:
     context = [*words_of(path), *words_of(topic.rpartition('/')[2])]
     own = set(known or context)
     commanded = bool(_COMMANDS.intersection([*words_of(path), *words_of(topic)]))
-    context_set = {*context, *words_of(msgtype.rpartition('/')[2])}
+    context_set = {*words_of(path), *words_of(topic), *words_of(msgtype.rpartition('/')[2])}
     if series.is_flag or series.is_integer:
         reason = _whole_number(own, context_set, series)
         if reason is not None:

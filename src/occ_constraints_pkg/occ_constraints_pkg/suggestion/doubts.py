@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from occ_constraints_pkg.suggestion.inspection import LEAST_MESSAGES, TopicInspection
-from occ_constraints_pkg.suggestion.meanings import is_command, words_of
+from occ_constraints_pkg.suggestion.meanings import TURNING, is_command, words_of
 
 # More than this many rad, or rad/s, are degrees.
 _MOST_ANGLE, _MOST_TURN_RATE = 7.0, 20.0
@@ -19,14 +19,8 @@ _CLOCK_S = 1.0
 _BURST_SHARE = 0.3
 
 
-def doubts_of(topic: TopicInspection, pace: TopicInspection | None) -> Iterator[str]:
-    """Yield a sentence for each thing that cannot be as it should.
-
-    Args:
-        topic: what was seen of it.
-        pace: the trigger topic, with whose clock stamps are compared; None for none.
-    """
-    yield from _clock(topic, pace)
+def value_doubts_of(topic: TopicInspection) -> Iterator[str]:
+    """Yield a sentence for each thing about a topic's numbers that cannot be as it should."""
     if topic.scan is not None:
         yield from _scan(topic)
     if topic.count >= LEAST_MESSAGES:
@@ -34,7 +28,13 @@ def doubts_of(topic: TopicInspection, pace: TopicInspection | None) -> Iterator[
         yield from _turn_rates(topic)
 
 
-def _clock(topic: TopicInspection, pace: TopicInspection | None) -> Iterator[str]:
+def clock_doubts_of(topic: TopicInspection, pace: TopicInspection | None) -> Iterator[str]:
+    """Yield a sentence for each thing about a topic's clock that cannot be as it should.
+
+    Args:
+        topic: what was seen of it.
+        pace: the trigger topic, with whose clock stamps are compared; None for none.
+    """
     name = topic.name
     if topic.jumps:
         times = 'once' if topic.jumps == 1 else f'{topic.jumps} times'
@@ -100,6 +100,8 @@ def _angles(topic: TopicInspection) -> Iterator[str]:
     found = []
     for path, series in topic.series.items():
         words = set(words_of(path))
+        if words & TURNING:
+            continue
         is_angle = (
             path.startswith('position[')
             if is_joints

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,7 @@ from occ_constraints_pkg.suggestion.inspection import (
 )
 from occ_constraints_pkg.suggestion.meanings import (
     ROLES,
+    TURNING,
     Meaning,
     Role,
     is_command,
@@ -59,8 +60,6 @@ KINDS = (
     ),
     *('position', 'error', 'numbers', 'battery', 'command'),
 )
-# Joints that turn without end.
-_TURNING = {'wheel', 'rotor', 'propeller', 'caster', 'roller'}
 # More than this many rad or rad/s are degrees.
 _MOST_ANGLE, _MOST_SPEED = 7.0, 500.0
 _DEGREES = 'its values look like degrees; allowed is SI, which a step {scale: 0.0174533} makes'
@@ -367,7 +366,7 @@ def _joint_state(topic: TopicInspection, path: str) -> Iterator[Candidate]:
             if not series.finite.size:
                 item.aside = 'it was never measured'
             elif part == 'position' and (
-                _TURNING & set(words_of(place)) or series.only_rises or _turns_on(series)
+                TURNING & set(words_of(place)) or series.only_rises or _turns_on(series)
             ):
                 item.aside = 'it turns on and on, as wheels do'
             yield item
@@ -474,6 +473,9 @@ def _number(topic: TopicInspection, path: str, *, group: str = '') -> Iterator[C
     series = topic.series[path]
     meaning = meaning_of(path, topic.name, topic.msgtype, series)
     role = ROLES[meaning.role or 'number']
+    if meaning.role == 'acceleration':
+        # In m/s^2 or in multiples of gravity.
+        role = replace(role, unit='1', resolution=0.0)
     unit = _unit(path, meaning, role, series)
     item = _plain(topic, _name(topic, path), path, unit, _kind(meaning))
     item.role, item.aside, item.group = role, meaning.reason, group

@@ -102,6 +102,10 @@ _HAZARDS = {
 }
 
 
+# Joints that turn without end.
+TURNING = {'wheel', 'rotor', 'propeller', 'caster', 'roller'}
+
+
 @dataclass(frozen=True)
 class Role:
     """What kind of quantity a number is.

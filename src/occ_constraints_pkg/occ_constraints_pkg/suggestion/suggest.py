@@ -12,7 +12,7 @@ import numpy as np
 
 from occ_constraints_pkg.features.feature_map import FeatureMap
 from occ_constraints_pkg.rosbag.recording import Recording
-from occ_constraints_pkg.suggestion.doubts import doubts_of
+from occ_constraints_pkg.suggestion.doubts import clock_doubts_of, value_doubts_of
 from occ_constraints_pkg.suggestion.families import form_families
 from occ_constraints_pkg.suggestion.heuristics import (
     KINDS,
@@ -34,7 +34,7 @@ from occ_constraints_pkg.suggestion.tracking import tracking_errors
 # A feature that is missing in a larger share of the rows is suggested in a comment only.
 _MISSING_SHARE = 0.2
 # A difference of two topics needs both.
-_MISSING_ERROR_SHARE = 0.05
+_MISSING_ERROR_SHARE = 0.005
 # A value constant for this share of the recording, and for so many seconds, is warned of.
 _STILL_SHARE, _STILL_S = 0.3, 2.0
 # What changes by less is noise, for example of a simulation, and not a movement.
@@ -491,9 +491,10 @@ def _warnings(
         if topic.problem:
             yield topic.problem
         elif topic.decoded:
-            yield from doubts_of(topic, pace)
+            yield from value_doubts_of(topic)
         if name not in names:
             continue
+        yield from clock_doubts_of(topic, pace)
         if not topic.is_stamped:
             what = (
                 'it is the trigger topic all the same'
@@ -506,11 +507,11 @@ def _warnings(
                 f'the poses of {name} are in the frame map, which jumps when the robot '
                 'relocalizes; they are not used'
             )
-    for part in seen.features:
-        if part.source.name in {item.entry['name'] for item in used if item.is_flag}:
-            continue
-        if part.longest_still_s > max(_STILL_S, _STILL_SHARE * seen.duration_s):
-            yield (
-                f'{part.source.name} did not change for {part.longest_still_s:.1f} s: it is '
-                'steady, or its source is frozen'
-            )
+    for item in used:
+        # As read, for a resolution makes a steady value of one that hardly changes.
+        for part in () if item.is_flag else item.seen:
+            if part.longest_still_s > max(_STILL_S, _STILL_SHARE * seen.duration_s):
+                yield (
+                    f'{part.source.name} did not change for {part.longest_still_s:.1f} s: it is '
+                    'steady, or its source is frozen'
+                )

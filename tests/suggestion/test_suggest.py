@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from occ_constraints_pkg.datasets.extraction import extract
 from occ_constraints_pkg.documents import parse_yaml
-from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.features.feature_map import FeatureMap
 from occ_constraints_pkg.rosbag.recording import Recording
 from occ_constraints_pkg.suggestion.inspection import inspect_topics
-from occ_constraints_pkg.suggestion.suggest import suggest
+from occ_constraints_pkg.suggestion.suggest import suggest, suggest_each
 from occ_constraints_pkg.suggestion.text import suggestion_text
 
 START = 100 * 10**9
@@ -54,7 +53,7 @@ def test_a_drive(messages, write_bag):
     suggestion, text, feature_map = found(write_bag, drive(messages))
     assert (feature_map.pace, feature_map.max_age) == ('scan', 0.2)
     assert feature_map.names[:2] == ('speed', 'clearance_front')
-    assert len(feature_map.names) == 1 + 8
+    assert set(feature_map.names[9:]) == {'speed_error'}
     clearance = feature_map.features[1]
     # The open sectors see 4 m, so this is where more space does not count any more.
     assert clearance.transform == (('clip', 0.0, 4.0),)
@@ -150,13 +149,22 @@ def test_a_scan_that_sees_only_ahead(messages, write_bag):
     assert len(feature_map.names) == 8
 
 
-def test_nothing_to_suggest(messages, write_bag):
-    bag = write_bag([('/cmd_vel', messages.twist(), START)])
-    with pytest.raises(OccError, match=r'no topic of which .* ten messages or more\); its topics'):
-        suggest(Recording(bag))
-    entries = [('/cmd_vel', messages.twist(), START + step) for step in range(20)]
-    with pytest.raises(OccError, match='no feature that can be used: commanded_speed: constant'):
-        suggest(Recording(write_bag(entries, 'still')))
+def test_a_map_is_always_written(messages, write_bag, run_occ, tmp_path):
+    """Without a feature, the map says why of each topic."""
+    still = [('/cmd_vel', messages.twist(), START + step) for step in range(20)]
+    few = [('/odom', messages.odometry(stamp_ns=START), START)]
+    bag = write_bag([*few, *still])
+    suggestion = suggest(Recording(bag))
+    assert (suggestion.used, suggestion.pace) == ([], None)
+    reasons = aside(suggestion)
+    assert reasons['commanded_speed'].startswith('constant at 0')
+    assert {topic.name: reason for topic, reason in suggestion.unused} == {
+        '/odom': 'it has 1 message, fewer than 10'
+    }
+    code, out, err = run_occ(f'features suggest {bag} -o {tmp_path}/map.yaml')
+    assert (code, out) == (1, f'0 features; written to {tmp_path}/map.yaml\n')
+    assert 'no feature can be used as it is' in err
+    assert 'features: []' in (tmp_path / 'map.yaml').read_text()
 
 
 def test_inspection(messages, write_bag):
@@ -165,11 +173,82 @@ def test_inspection(messages, write_bag):
     odometry = topics['/odom']
     assert (odometry.count, odometry.is_stamped, odometry.jumps) == (60, True, 1)
     assert odometry.rate == pytest.approx(10.0)
-    assert odometry.numbers['twist.twist.angular.z'] == 0.3
+    assert odometry.series['twist.twist.angular.z'].values.tolist() == [0.3] * 60
     assert not topics['/cmd_vel'].is_stamped
     scan = topics['/scan'].scan
     assert (scan.least_beams, scan.first, scan.last) == (36, 0.0, pytest.approx(350.0, abs=1e-4))
     assert (scan.counts / 60).tolist() == [1, 23, 0, 0, 36]
+
+
+def test_several_recordings_are_used_together(messages, write_bag):
+    """What differs by an offset only is set aside; what one of them shows alone is told."""
+
+    def flight(name, ground, top):
+        entries = []
+        for step in range(100):
+            now = START + step * TENTH
+            height = ground + math.sin(step / 9)
+            entries.append(('/height', messages.types['std_msgs/msg/Float64'](height), now))
+            speed = top * math.sin(step / 11)
+            entries.append(('/odom', messages.odometry(stamp_ns=now, x=speed), now + 1))
+        return Recording(write_bag(entries, name))
+
+    first, second = flight('one', 20.0, 1.0), flight('two', 60.0, 3.0)
+    assert 'height' in [item.entry['name'] for item in suggest(first).used]
+    suggestion = suggest(first, second)
+    assert 'it differs by an offset only' in aside(suggestion)['height']
+    (told,) = [text for text in suggestion.warnings if 'speed lies outside' in text]
+    assert told.endswith('learn from both, or leave it out')
+    assert suggestion.name == 'one, two'
+
+
+def test_a_topic_that_only_one_recording_has(messages, write_bag):
+    entries = drive(messages)
+    without = [entry for entry in entries if entry[0] != '/odom']
+    recordings = Recording(write_bag(entries, 'a')), Recording(write_bag(without, 'b'))
+    unused = {topic.name: reason for topic, reason in suggest(*recordings).unused}
+    assert unused == {'/odom': 'it is not in b'}
+
+
+def test_never_two_robots_in_one_map(messages, write_bag, run_occ, tmp_path):
+    entries = [
+        (f'/robot{number}{topic}', message, time)
+        for number in (1, 2)
+        for topic, message, time in drive(messages)
+    ]
+    entries += [('/battery', messages.odometry(stamp_ns=time), time) for _, _, time in entries[:30]]
+    bag = write_bag(sorted(entries, key=lambda entry: entry[2]))
+    first, second = suggest_each(Recording(bag))
+    assert (first.robot, second.robot) == ('robot1', 'robot2')
+    for item in (first, second):
+        assert {part.topic.name.split('/')[1] for part in item.candidates} == {item.robot}
+        assert [reason for _, reason in item.unused] == ['it is in the namespace of no robot']
+    code, out, _ = run_occ(f'features suggest {bag} -o {tmp_path}/map.yaml')
+    assert code == 0
+    assert [line.split()[-1] for line in out.splitlines()] == [
+        f'{tmp_path}/map_robot1.yaml',
+        f'{tmp_path}/map_robot2.yaml',
+    ]
+    _, out, err = run_occ(f'features suggest {bag}')
+    assert 'there are 2 robots, robot1, robot2; the map shown is of robot1' in err
+    assert 'pace: robot1/scan' in out
+    _, out, _ = run_occ(f'features suggest {bag} --robot robot2')
+    assert 'pace: robot2/scan' in out
+    code, _, err = run_occ(f'features suggest {bag} --robot robot3')
+    assert (code, 'its robots are robot1, robot2' in err) == (2, True)
+
+
+@pytest.mark.parametrize(
+    'spaces', [('left', 'right'), ('front_lidar', 'rear_lidar'), ('camera1', 'camera2')]
+)
+def test_parts_of_one_robot_are_no_robots(messages, write_bag, spaces):
+    entries = [
+        (f'/{space}{topic}', message, time)
+        for space in spaces
+        for topic, message, time in drive(messages)
+    ]
+    bag = write_bag(sorted(entries, key=lambda entry: entry[2]))
+    assert [item.robot for item in suggest_each(Recording(bag))] == ['']
 
 
 @pytest.mark.parametrize(

@@ -71,54 +71,79 @@ def features(context: click.Context) -> None:
 
 
 @features.command()
-@click.argument('bag', type=click.Path())
-@click.option('-o', '--output', type=click.Path(), help='New file to write; default: print it.')
+@click.argument('bags', metavar='BAG...', nargs=-1, required=True, type=click.Path())
+@click.option(
+    '-o',
+    '--output',
+    type=click.Path(),
+    help='New file to write; default: print it. With several robots, one file for each, whose '
+    'name ends in that of the robot.',
+)
+@click.option('--robot', help='Namespace of the robot to suggest a map for; default: each.')
 @DEFINITIONS
 @JSON
-def suggest(bag: str, output: str | None, as_json: bool) -> None:
-    """Inspect a recording and write a commented feature map.
+def suggest(bags: tuple[str, ...], output: str | None, robot: str | None, as_json: bool) -> int:
+    """Inspect recordings of a robot and write a commented feature map.
 
     Each feature is listed with its range, rate and share of missing values. What is not used is
-    commented out, with the reason.
+    commented out, with the reason. Several recordings are used together: what one of them shows
+    and the others do not is told. Exit code 1 when no feature can be used.
 
     \b
     Example: occ features suggest bags/drive_1 -o my_robot.yaml
+             occ features suggest bags/drive_* -o my_robot.yaml
     """
     from occ_constraints_pkg.rosbag.recording import Recording
-    from occ_constraints_pkg.suggestion.suggest import suggest as suggest_map
-    from occ_constraints_pkg.suggestion.text import statistics_document, suggestion_text
+    from occ_constraints_pkg.suggestion.suggest import suggest_each
+    from occ_constraints_pkg.suggestion.text import suggestion_document, suggestion_text
 
-    if output and Path(output).exists():
-        raise ConfigurationError(
-            f'{output} exists already; allowed is a new file, for maps are edited'
-        )
+    _refuse_existing([output] if output else [])
     with progress_bar('reading') as progress:
-        suggestion = suggest_map(Recording(bag), progress=progress)
-    for sentence in suggestion.warnings:
-        warn(sentence)
-    text = suggestion_text(suggestion)
-    if output:
-        write_text(output, FEATURE_MAP, text)
-    if as_json:
-        print_json(
-            {
-                'output': output,
-                'map': text,
-                'pace': suggestion.pace.name,
-                'max_age': suggestion.max_age,
-                **statistics_document(suggestion.seen),
-                'not_used': [
-                    {'name': item.entry['name'], 'topic': item.topic.name, 'reason': item.aside}
-                    for item in suggestion.candidates
-                    if item.aside
-                ],
-                'warnings': list(suggestion.warnings),
-            }
+        suggestions = suggest_each(*map(Recording, bags), progress=progress)
+    names = [item.robot for item in suggestions]
+    if robot is not None:
+        suggestions = [item for item in suggestions if item.robot == robot.strip('/')]
+        if not suggestions:
+            found = f'its robots are {", ".join(names)}' if names != [''] else 'it has one robot'
+            raise ConfigurationError(f'{", ".join(bags)}: there is no robot {robot!r}; {found}')
+    outputs = [output] * len(suggestions)
+    if output and len(suggestions) > 1:
+        stem, ending = Path(output).with_suffix(''), Path(output).suffix
+        outputs = [f'{stem}_{item.robot.replace("/", "_")}{ending}' for item in suggestions]
+        _refuse_existing(outputs)
+    for place, suggestion in enumerate(suggestions):
+        for sentence in suggestion.warnings:
+            warn(sentence)
+        text = suggestion_text(suggestion)
+        if outputs[place]:
+            write_text(outputs[place], FEATURE_MAP, text)
+        if not as_json and outputs[place]:
+            count = count_of(len(suggestion.seen.features), 'feature')
+            say(f'{count}; written to {outputs[place]}')
+        elif not as_json and not place:
+            say_lines(text, nl=False)
+        if not suggestion.used:
+            warn('no feature can be used as it is; the map says why')
+    if len(suggestions) > 1 and not output:
+        warn(
+            f'there are {len(names)} robots, {", ".join(names)}; the map shown is of {names[0]}. '
+            'Use -o for one map each, or --robot'
         )
-    elif output:
-        say(f'{count_of(len(suggestion.seen.features), "feature")}; written to {output}')
-    else:
-        say_lines(text, nl=False)
+    if as_json:
+        documents = [
+            suggestion_document(suggestion, target)
+            for suggestion, target in zip(suggestions, outputs, strict=True)
+        ]
+        print_json(documents[0] | ({'robots': documents} if len(documents) > 1 else {}))
+    return 0 if all(item.used for item in suggestions) else 1
+
+
+def _refuse_existing(paths: Sequence[str | None]) -> None:
+    for path in paths:
+        if path and Path(path).exists():
+            raise ConfigurationError(
+                f'{path} exists already; allowed is a new file, for maps are edited'
+            )
 
 
 @features.command('check')

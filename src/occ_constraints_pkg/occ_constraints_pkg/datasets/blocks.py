@@ -10,7 +10,7 @@ transform or a damaged message, is decoded and read one message at a time.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -32,12 +32,15 @@ class RowBlock:
         stamps_ns: (n,) header stamps, or arrivals where there are none.
         times_ns: (n,) when the pace messages were logged.
         table: the pace message as a table, when it is one.
+        ages_ns: (n, readings) how far each reading's message is from the row, in ns; NaN before
+            the first one. Empty where it was not asked for.
     """
 
     values: np.ndarray
     stamps_ns: np.ndarray
     times_ns: np.ndarray
     table: Table | None = None
+    ages_ns: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
 
 
 class BlockExtractor:
@@ -49,6 +52,7 @@ class BlockExtractor:
             in the order of the blocks' numbers.
         feature_map: what to compute; :meth:`reads` must say that it can be.
         max_lag: see :class:`~occ_constraints_pkg.features.extractor.FeatureExtractor`.
+        with_ages: whether rows tell how old their values are.
     """
 
     def __init__(
@@ -57,7 +61,10 @@ class BlockExtractor:
         topics: dict[str, str],
         feature_map: FeatureMap,
         max_lag: float = 0.0,
+        *,
+        with_ages: bool = False,
     ) -> None:
+        self._with_ages = with_ages
         self._width = len(feature_map.readings)
         self._max_age_ns = round(feature_map.max_age * 1e9)
         self._transforms = RowTransforms(feature_map)
@@ -103,12 +110,16 @@ class BlockExtractor:
         # Header stamps of what is read, 0 for none.
         read_stamps = np.zeros(read.shape, dtype=np.int64)
         read[:, pace.places], read_stamps[:, pace.places] = own, stamps[:, None]
+        ages = np.zeros((len(paces), self._width if self._with_ages else 0))
         for channel in others:
-            channel.fill(read, read_stamps, block, paces, stamps)
+            own_ages = channel.fill(read, read_stamps, block, paces, stamps)
+            if self._with_ages:
+                ages[:, channel.places] = own_ages[:, None]
         values = self._transform(read, read_stamps, np.where(stamps == 0, times, stamps))
         values[self._set_back(stamps, times) | self._late(block, paces)] = np.nan
         news = ~self._repeats(values, stamps)
-        yield RowBlock(values[news], np.where(stamps == 0, times, stamps)[news], times[news])
+        row_times = np.where(stamps == 0, times, stamps)
+        yield RowBlock(values[news], row_times[news], times[news], ages_ns=ages[news])
 
     def _transform(
         self, read: np.ndarray, read_stamps: np.ndarray, row_times: np.ndarray
@@ -201,8 +212,12 @@ class _Channel:
         block: Block,
         paces: np.ndarray,
         stamps: np.ndarray,
-    ) -> None:
-        """Put the latest values into the rows, from the last message up to each of them."""
+    ) -> np.ndarray:
+        """Put the latest values into the rows, from the last message up to each of them.
+
+        Returns:
+            (n,) how old they are in ns; NaN before the first message.
+        """
         rows = np.flatnonzero(block.topics == self._number)
         named = None
         if self._channel.names:
@@ -238,6 +253,7 @@ class _Channel:
         value_stamps[:, self.places] = np.where(fresh, other_stamps, 0)[:, None]
         if len(rows):
             self._latest = _LatestValues(read[-1], int(read_stamps[-1]), int(read_times[-1]))
+        return np.where(allowed < 0, np.nan, np.abs(ages))
 
 
 @dataclass(frozen=True, eq=False)

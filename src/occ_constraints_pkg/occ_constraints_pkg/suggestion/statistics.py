@@ -4,11 +4,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from occ_constraints_pkg.datasets.blocks import BlockExtractor
 from occ_constraints_pkg.datasets.doubts import value_doubts
 from occ_constraints_pkg.datasets.extraction import rows_of
 from occ_constraints_pkg.datasets.source_doubts import source_doubts
@@ -30,6 +31,7 @@ class FeatureStatistics:
         source: the feature.
         low: smallest value that can be judged; NaN where there is none.
         median: median of those.
+        size: median of their absolute values.
         high: largest of those.
         missing: share of the rows in which the value is missing or not finite.
         outside: share of the rows in which it is outside its physical bounds.
@@ -43,6 +45,7 @@ class FeatureStatistics:
     source: FeatureSource
     low: float
     median: float
+    size: float
     high: float
     missing: float
     outside: float
@@ -91,6 +94,54 @@ class MapStatistics:
         return self.clock_jumps > 0 or any(item.is_problem for item in self.features)
 
 
+@dataclass(frozen=True, eq=False)
+class MapRows:
+    """The features of a recording, row by row.
+
+    Attributes:
+        feature_map: what was computed.
+        values: (n, k) float64.
+        stamps_ns: (n,) the rows' times.
+        ages_ns: (n, readings) how far each reading's message is from the row, in ns; NaN before
+            the first one.
+        warnings: see :class:`MapStatistics`.
+    """
+
+    feature_map: FeatureMap
+    values: np.ndarray
+    stamps_ns: np.ndarray
+    ages_ns: np.ndarray
+    warnings: tuple[str, ...]
+
+    def statistics(self) -> MapStatistics:
+        """Return the statistics of all features."""
+        space, when = self.feature_map.space, self.stamps_ns
+        inside = (self.values >= space.lows) & (self.values <= space.highs)
+        return MapStatistics(
+            rows=len(self.values),
+            duration_s=float(when.max() - when.min()) * 1e-9,
+            usable=float((inside & np.isfinite(self.values)).all(axis=1).mean()),
+            clock_jumps=int(np.count_nonzero(np.diff(when) < 0)),
+            features=tuple(
+                _feature_statistics(source, self.values[:, place], when, aging)
+                for place, (source, aging) in enumerate(
+                    zip(self.feature_map.features, self._aging(), strict=True)
+                )
+            ),
+            warnings=self.warnings,
+        )
+
+    def _aging(self) -> Iterator[list[tuple[Reading, np.ndarray, int]]]:
+        """Yield for each feature the age and the greatest age of each of its readings."""
+        subtracted = iter(range(len(self.feature_map.features), self.ages_ns.shape[1]))
+        for place, source in enumerate(self.feature_map.features):
+            places = [place] if source.minus is None else [place, next(subtracted)]
+            yield [
+                (reading, self.ages_ns[:, at], self.feature_map.max_age_ns(reading))
+                for reading, at in zip(source.readings, places, strict=True)
+            ]
+
+
 def map_statistics(
     recording: Recording,
     feature_map: FeatureMap,
@@ -107,8 +158,54 @@ def map_statistics(
     Raises:
         OccError: the recording cannot be read, lacks what the map asks for, or gives no row.
     """
-    names = [recording.find(topic_key(topic)) for topic in feature_map.topics]
-    total = sum(recording.topics[name].count for name in names)
+    rows = map_rows(recording, feature_map, progress=progress)
+    doubts = (
+        *source_doubts(recording, feature_map),
+        *value_doubts(rows.values, feature_map.space),
+    )
+    return replace(rows.statistics(), warnings=(*rows.warnings, *doubts))
+
+
+def map_rows(
+    recording: Recording,
+    feature_map: FeatureMap,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> MapRows:
+    """Compute the features of a recording.
+
+    Args and Raises: see :func:`map_statistics`.
+    """
+    topics = {topic_key(name): recording.find(topic_key(name)) for name in feature_map.topics}
+    total, done = sum(recording.topics[name].count for name in topics.values()), 0
+    parts: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+    if BlockExtractor.reads(recording, topics, feature_map):
+        extractor = BlockExtractor(recording, topics, feature_map, with_ages=True)
+        for block in recording.blocks(list(topics.values())):
+            parts += [
+                (found.values, found.stamps_ns, found.ages_ns) for found in extractor.rows(block)
+            ]
+            done += len(block)
+            if progress is not None:
+                progress(done, total)
+    else:
+        parts = list(_one_by_one(recording, feature_map, total, progress))
+    if not sum(len(values) for values, _, _ in parts):
+        raise DataError(
+            f'{recording.path} gives no row: nothing came on '
+            f'{feature_map.pace or ", ".join(feature_map.topics)}'
+        )
+    values, stamps, ages = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return MapRows(feature_map, values, stamps, ages, recording.warnings)
+
+
+def _one_by_one(
+    recording: Recording,
+    feature_map: FeatureMap,
+    total: int,
+    progress: Callable[[int, int], None] | None,
+) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Yield values, stamps and ages of a map of tables, or of a fixed rate."""
     done = 0
 
     def tick() -> None:
@@ -118,54 +215,15 @@ def map_statistics(
             progress(done, total)
 
     extractor = FeatureExtractor(feature_map)
-    values, stamps, ages = [], [], []
     for rows in rows_of(recording, extractor, tick):
-        if rows.repeat or not len(rows.values):
-            continue
-        values.append(rows.values)
-        stamps.append(np.full(len(rows.values), rows.stamp_ns, dtype=np.int64))
-        row = [np.nan if age is None else float(age) for age in extractor.ages_ns()]
-        ages.append(np.broadcast_to(row, (len(rows.values), len(row))))
-    if not values:
-        raise DataError(
-            f'{recording.path} gives no row: nothing came on '
-            f'{feature_map.pace or ", ".join(feature_map.topics)}'
-        )
-    table, when = np.concatenate(values), np.concatenate(stamps)
-    age, allowed = (
-        np.concatenate(ages),
-        [feature_map.max_age_ns(reading) for _, reading in feature_map.readings],
-    )
-    subtracted = iter(range(len(feature_map.features), len(feature_map.readings)))
-    # Of each feature, age and greatest age of each of its readings.
-    aging = [
-        [
-            (reading, age[:, at], allowed[at])
-            for reading, at in zip(
-                source.readings,
-                [place] if source.minus is None else [place, next(subtracted)],
-                strict=True,
+        count = len(rows.values)
+        if not rows.repeat and count:
+            row = [np.nan if age is None else float(age) for age in extractor.ages_ns()]
+            yield (
+                rows.values,
+                np.full(count, rows.stamp_ns, dtype=np.int64),
+                np.broadcast_to(row, (count, len(row))),
             )
-        ]
-        for place, source in enumerate(feature_map.features)
-    ]
-    space = feature_map.space
-    usable = ((table >= space.lows) & (table <= space.highs) & np.isfinite(table)).all(axis=1)
-    return MapStatistics(
-        rows=len(table),
-        duration_s=float(when.max() - when.min()) * 1e-9,
-        usable=float(usable.mean()),
-        clock_jumps=int(np.count_nonzero(np.diff(when) < 0)),
-        features=tuple(
-            _feature_statistics(source, table[:, place], when, aging[place])
-            for place, source in enumerate(feature_map.features)
-        ),
-        warnings=(
-            *recording.warnings,
-            *source_doubts(recording, feature_map),
-            *value_doubts(table, space),
-        ),
-    )
 
 
 def _feature_statistics(
@@ -192,6 +250,7 @@ def _feature_statistics(
         source=source,
         low=float(low),
         median=float(median),
+        size=float(np.median(np.abs(good))) if good.size else np.nan,
         high=float(high),
         missing=float(missing.mean()),
         outside=float(outside.mean()),

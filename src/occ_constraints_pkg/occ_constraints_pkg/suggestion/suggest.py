@@ -1,30 +1,63 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""A first feature map for a recording: sensible features of the message types that robots use."""
+"""A first feature map for recordings: sensible features of what robots measure."""
 
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-from occ_constraints_pkg.errors import DataError
+import numpy as np
+
 from occ_constraints_pkg.features.feature_map import FeatureMap
 from occ_constraints_pkg.rosbag.recording import Recording
-from occ_constraints_pkg.suggestion.heuristics import KINDS, Candidate, candidates_of, nice_below
-from occ_constraints_pkg.suggestion.inspection import TopicInspection, inspect_topics
-from occ_constraints_pkg.suggestion.statistics import MapStatistics, map_statistics
+from occ_constraints_pkg.suggestion.doubts import clock_doubts_of, value_doubts_of
+from occ_constraints_pkg.suggestion.families import form_families
+from occ_constraints_pkg.suggestion.heuristics import (
+    KINDS,
+    Candidate,
+    candidates_of,
+    nice_above,
+    nice_below,
+)
+from occ_constraints_pkg.suggestion.inspection import (
+    TopicInspection,
+    identifier,
+    inspect_topics,
+    merged,
+)
+from occ_constraints_pkg.suggestion.robots import robots_of
+from occ_constraints_pkg.suggestion.statistics import MapRows, MapStatistics, map_rows
+from occ_constraints_pkg.suggestion.tracking import tracking_errors
 
 # A feature that is missing in a larger share of the rows is suggested in a comment only.
 _MISSING_SHARE = 0.2
+# A difference of two topics needs both.
+_MISSING_ERROR_SHARE = 0.005
 # A value constant for this share of the recording, and for so many seconds, is warned of.
 _STILL_SHARE, _STILL_S = 0.3, 2.0
 # What changes by less is noise, for example of a simulation, and not a movement.
 _NOISE = 0.002
 _RESOLUTIONS = {'m/s': 0.01, 'rad/s': 0.01, 'm/s^2': 0.1, 'm': 0.01, 'rad': 0.01}
+# Values are told apart in so many steps over their range.
+_STEPS = 20
+# A limit above is not told more finely than to this part of the usual value.
+_FINEST = 50
 # Which kind of topic becomes the trigger topic, first choice first.
-_PACES = ('table', 'LaserScan', 'Odometry', 'Imu', 'Range', 'numbers', 'command')
+_PACES = (
+    *('table', 'LaserScan', 'Odometry', 'joints', 'Imu', 'pose', 'velocity', 'motion', 'force'),
+    *('Range', 'error', 'numbers', 'position', 'battery', 'command'),
+)
+# A drained battery is told below what was seen by this share of the usual value, and more.
+_DRAIN_SHARE = 0.02
+# Where one of these is measured, commands are comments; those of unknown types beside anything.
+_MOTION = {'table', 'Odometry', 'velocity', 'motion', 'joints'}
+_OTHERS = set(KINDS) - {'command'}
+# Slower topics have an age of their own.
+_SLOW_S = 0.5
+# A second recording outside of what the first shows for more than this share of its rows is told.
+_STRANGE_SHARE = 0.02
 
 
 @dataclass(frozen=True)
@@ -32,76 +65,161 @@ class Suggestion:
     """A suggested map.
 
     Attributes:
-        name: the recording's.
-        pace: the trigger topic.
+        name: the recordings'.
+        robot: namespace of the robot; empty for the only one.
+        pace: the trigger topic; None without a feature in use.
         max_age: seconds.
         candidates: entries in use and entries set aside.
-        unused: topics without an entry.
+        unused: topics without an entry, and why each has none.
         warnings: one sentence each.
-        seen: statistics of the entries in use on the recording.
+        seen: statistics of the entries in use on the first recording.
     """
 
     name: str
-    pace: TopicInspection
+    robot: str
+    pace: TopicInspection | None
     max_age: float
     candidates: tuple[Candidate, ...]
-    unused: tuple[TopicInspection, ...]
+    unused: tuple[tuple[TopicInspection, str], ...]
     warnings: tuple[str, ...]
     seen: MapStatistics
 
+    @property
+    def used(self) -> list[Candidate]:
+        """The entries in use."""
+        return [item for item in self.candidates if not item.aside]
+
 
 def suggest(
-    recording: Recording, *, progress: Callable[[int, int], None] | None = None
+    *recordings: Recording, progress: Callable[[int, int], None] | None = None
 ) -> Suggestion:
-    """Inspect a recording and suggest features.
+    """Inspect recordings of one robot and suggest features; of several robots, of the first.
 
     Args:
-        recording: it is read three times.
+        recordings: they are used together; each is read three times.
         progress: called with (messages read, messages in all), for each reading anew.
 
     Raises:
-        OccError: the recording is damaged, or has no topic of which a feature can be suggested.
+        OccError: a recording is damaged.
     """
-    topics = inspect_topics(recording, progress=progress)
-    candidates = [item for topic in topics.values() for item in candidates_of(topic)]
+    return suggest_each(*recordings, progress=progress)[0]
+
+
+def suggest_each(
+    *recordings: Recording, progress: Callable[[int, int], None] | None = None
+) -> list[Suggestion]:
+    """Inspect recordings and suggest features, in one map for each robot.
+
+    Args and Raises: see :func:`suggest`.
+    """
+    inspections = [inspect_topics(recording, progress=progress) for recording in recordings]
+    topics = merged(inspections, [recording.name for recording in recordings])
+    robots = robots_of(topics)
+    if not robots:
+        return [_suggest(recordings, topics, '', progress)]
+    found = []
+    for robot, names in robots.items():
+        others = {name for group in robots.values() for name in group} - set(names)
+        own = {name: topic for name, topic in topics.items() if name not in others}
+        found.append(_suggest(recordings, own, robot, progress))
+    return found
+
+
+def _suggest(
+    recordings: Sequence[Recording],
+    topics: dict[str, TopicInspection],
+    robot: str,
+    progress: Callable[[int, int], None] | None,
+) -> Suggestion:
+    candidates = [
+        item
+        for topic in topics.values()
+        if not robot or topic.name.startswith(f'/{robot}/')
+        for item in candidates_of(topic)
+    ]
+    candidates += tracking_errors(candidates)
     candidates.sort(key=lambda item: KINDS.index(item.kind))
     _set_aside(candidates)
-    if not any(not item.aside for item in candidates):
-        raise DataError(
-            f'{recording.path} has no topic of which features can be suggested (velocities of an '
-            'Odometry, ranges of a LaserScan, accelerations of an Imu, a Twist or a table, ten '
-            'messages or more); its topics are '
-            + ', '.join(f'{topic.name} ({topic.msgtype})' for topic in topics.values())
-        )
     _rename(candidates)
     used = [item for item in candidates if not item.aside]
-    _assess(recording, candidates, *_alignment(used), progress)
-    used = [item for item in candidates if not item.aside]
-    if not used:
-        reasons = '; '.join(f'{item.entry["name"]}: {item.aside}' for item in candidates)
-        raise DataError(f'{recording.path} has no feature that can be used: {reasons}')
-    pace, max_age = _alignment(used)
-    seen = map_statistics(recording, _map(used, pace, max_age), progress=progress)
+    told: list[str] = []
+    if used:
+        _assess(recordings, candidates, progress)
+        candidates = _ordered(
+            [item for item in candidates if not (item.aside and item.is_extra and item.is_dull)]
+        )
+        _rename(candidates)
+        used = [item for item in candidates if not item.aside]
+    seen, pace, max_age = MapStatistics(0, 0.0, 0.0, 0, (), ()), None, 0.5
+    if used:
+        pace, max_age = _alignment(used)
+        feature_map = _map(used, pace, max_age)
+        rows = [map_rows(item, feature_map, progress=progress) for item in recordings]
+        if len(rows) > 1 and _compare(used, rows, [item.name for item in recordings], told):
+            used = [item for item in used if not item.aside]
+            pace, max_age = _alignment(used)
+            feature_map = _map(used, pace, max_age)
+            rows = [map_rows(item, feature_map, progress=progress) for item in recordings]
+        seen = rows[0].statistics()
     named = {item.topic.name for item in candidates}
     return Suggestion(
-        name=recording.name,
+        name=', '.join(recording.name for recording in recordings),
+        robot=robot,
         pace=pace,
         max_age=max_age,
         candidates=tuple(candidates),
-        unused=tuple(topic for name, topic in topics.items() if name not in named),
-        warnings=(*recording.warnings, *_warnings(candidates, topics, pace, seen)),
+        unused=tuple(
+            (topic, _reason(topic, robot)) for name, topic in topics.items() if name not in named
+        ),
+        warnings=(
+            *(sentence for recording in recordings for sentence in recording.warnings),
+            *_warnings(used, topics, pace, seen),
+            *told,
+        ),
         seen=seen,
     )
 
 
+def _ordered(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Return candidates with the members of a family one after the other."""
+    first: dict[str, int] = {}
+    for place, item in enumerate(candidates):
+        first.setdefault(item.entry.get('family', item.entry['name']), place)
+    return sorted(candidates, key=lambda item: first[item.entry.get('family', item.entry['name'])])
+
+
+def _reason(topic: TopicInspection, robot: str) -> str:
+    """Say why a topic has no entry."""
+    if topic.silence:
+        return topic.silence
+    if robot and not topic.name.startswith(f'/{robot}/'):
+        return 'it is in the namespace of no robot'
+    if topic.series:
+        return 'none of its numbers is known to tell a danger'
+    if any(max(lengths) for lengths in topic.lengths.values()):
+        return 'it has arrays only, too long or of varying length'
+    return 'it has no number'
+
+
 def _set_aside(candidates: Sequence[Candidate]) -> None:
     """Set aside entries that another one replaces."""
+    ordered = sorted(candidates, key=lambda item: (len(item.topic.name), item.topic.name))
     first: dict[str, str] = {}
-    for item in sorted(candidates, key=lambda item: (len(item.topic.name), item.topic.name)):
+    for item in ordered:
         if item.kind in ('LaserScan', 'Odometry', 'command', 'Imu') and not item.aside:
             chosen = first.setdefault(item.kind, item.topic.name)
-            if chosen != item.topic.name:
+            if chosen != item.topic.name and item.kind != 'command':
                 item.aside = f'{chosen} is used instead'
+    once: dict[str, Candidate] = {}
+    for item in sorted(ordered, key=lambda item: KINDS.index(item.kind)):
+        if item.once and not item.aside:
+            chosen_item = once.setdefault(item.once, item)
+            if chosen_item is not item:
+                item.aside = f'{item.once} of {chosen_item.topic.name} is used instead'
+                item.replaced_by = chosen_item
+    for item in candidates:
+        if item.part_of in once and not item.aside:
+            item.aside = f'{item.part_of} of {once[item.part_of].topic.name} is used instead'
     tables = {item.topic.name: item.topic for item in candidates if item.kind == 'table'}
     richest = max(tables, key=lambda name: len(tables[name].sample.fields), default='')
     kinds = {item.kind for item in candidates if not item.aside}
@@ -110,37 +228,67 @@ def _set_aside(candidates: Sequence[Candidate]) -> None:
             continue
         if item.kind == 'table' and item.topic.name != richest:
             item.aside = f'the table {richest} is used instead'
-        if item.kind == 'command' and kinds & {'Odometry', 'table'}:
+        if item.kind == 'command' and kinds & (_OTHERS if item.is_brief else _MOTION):
             item.aside = (
                 'commands stop when nobody drives, and a missing value makes the verdict UNKNOWN'
             )
-        elif item.entry['name'] == 'gyro_z' and 'Odometry' in kinds:
+        elif item.kind == 'command' and first['command'] != item.topic.name:
+            item.aside = f'{first["command"]} is used instead'
+        elif item.once == 'gyro_z' and 'Odometry' in kinds:
             item.aside = 'turn_rate of the odometry is used instead'
 
 
 def _rename(candidates: Sequence[Candidate]) -> None:
     """Make names unique by the names of topics, those set aside included."""
-    names = [item.entry['name'] for item in candidates]
+    names = [item.name for item in candidates]
     taken: set[str] = set()
     for item in sorted(candidates, key=lambda item: bool(item.aside)):
-        name = item.entry['name']
+        name = item.name
         if names.count(name) > 1 and name in taken:
-            name = f'{name}_{re.sub(r"[^A-Za-z0-9]+", "_", item.topic.key)}'
+            name = f'{name}_{identifier(item.topic.key)}'
         while name in taken:
             name += '_2'
         taken.add(name)
         item.entry['name'] = name
 
 
-def _alignment(used: Sequence[Candidate]) -> tuple[TopicInspection, float]:
+def _alignment(
+    used: Sequence[Candidate], pace: TopicInspection | None = None
+) -> tuple[TopicInspection, float]:
     """Choose the trigger topic, and after how many seconds a latest value is too old.
 
-    That is twice the longest usual time between messages, within 0.2 to 2 s.
+    That is twice the longest usual time between messages, from 0.2 s on; topics that are slow get
+    an age of their own. Topics whose stamps are of another clock are aged by arrival.
     """
-    pace = min(used, key=lambda item: (_PACES.index(item.kind), item.topic.name)).topic
-    longest = [item.topic.slow_period_s for item in used if item.topic.slow_period_s > 0.0]
-    twice = 2.0 * max(longest, default=0.25)
-    return pace, min(max(math.ceil(twice * 10.0) / 10.0, 0.2), 2.0)
+    pace = (
+        pace
+        or min(
+            used,
+            key=lambda item: (
+                _PACES.index(item.kind),
+                'minus' in item.entry,
+                item.topic.slow_period_s > _SLOW_S,
+                item.topic.name,
+            ),
+        ).topic
+    )
+    periods = [item.topic.slow_period_s for item in used]
+    quick = [period for period in periods if 0.0 < period <= _SLOW_S]
+    max_age = max(_twice(max(quick, default=0.25)), 0.2)
+    for item in used:
+        for key in ('max_age', 'age_by'):
+            item.entry.pop(key, None)
+        if item.topic is pace:
+            continue
+        if item.topic.slow_period_s > _SLOW_S:
+            item.entry['max_age'] = _twice(item.topic.slow_period_s)
+        if abs(item.topic.offset_s - pace.offset_s) > item.entry.get('max_age', max_age):
+            item.entry['age_by'] = 'arrival'
+    return pace, max_age
+
+
+def _twice(period: float) -> float:
+    return math.ceil(2.0 * period * 10.0) / 10.0
 
 
 def _map(used: Sequence[Candidate], pace: TopicInspection, max_age: float) -> FeatureMap:
@@ -153,91 +301,200 @@ def _map(used: Sequence[Candidate], pace: TopicInspection, max_age: float) -> Fe
     return FeatureMap.from_document(document, 'the suggested map')
 
 
+def _columns(item: Candidate, feature_map: FeatureMap) -> list[int]:
+    """Return which features of a map an entry gives; sectors give several."""
+    name = item.entry['name']
+    key = 'family' if 'sectors' in item.entry else 'name'
+    return [
+        place for place, feature in enumerate(feature_map.features) if getattr(feature, key) == name
+    ]
+
+
 def _assess(
-    recording: Recording,
+    recordings: Sequence[Recording],
     candidates: Sequence[Candidate],
-    pace: TopicInspection,
-    max_age: float,
     progress: Callable[[int, int], None] | None,
 ) -> None:
-    """Set aside candidates whose values cannot be used, and choose resolutions."""
-    readable = []
-    for item in candidates:
+    """Set aside candidates whose values cannot be used; choose families and resolutions."""
+    pace, _ = _alignment([item for item in candidates if not item.aside])
+    readable = [
+        item
+        for item in candidates
         # A table as the pace has rows for several robots; other tables hardly fit to it.
-        if item.kind != 'table' or item.topic is pace:
-            readable.append(item)
-    found = map_statistics(recording, _map(readable, pace, max_age), progress=progress).features
-    at = 0
+        if (item.kind != 'table' or item.topic is pace)
+        # Of what the structure of a message gives, that is all there is to say.
+        and not (item.aside and item.is_brief)
+        # A rate is computed row by row, which takes long, and is only ever a comment.
+        and 'rate' not in item.entry.get('transform', ())
+    ]
+    feature_map = _map(readable, *_alignment(readable, pace))
+    found = [
+        map_rows(recording, feature_map, progress=progress).statistics().features
+        for recording in recordings
+    ]
     for item in readable:
-        size = item.entry.get('sectors', 1)
-        item.seen, at = found[at : at + size], at + size
+        columns = _columns(item, feature_map)
+        item.seen = tuple(features[column] for features in found for column in columns)
         if not item.aside:
-            item.aside = _flaw(item)
+            item.aside, item.is_dull = _flaw(item)
+    _put_back(readable)
+    form_families([item for item in readable if not item.aside and item.group])
+    for item in readable:
+        if item.aside:
+            continue
         if item.kind == 'Range':
             _cap(item)
-        elif item.is_flag and item.seen[0].low >= 0.0:
-            item.entry['bounds'] = [0, None]
-        elif size == 1 and item.kind != 'table':
+        elif item.is_flag:
+            item.entry.setdefault('bounds', [0, None])
+        elif item.role is not None:
+            _limit(item)
+        elif 'sectors' not in item.entry and item.kind != 'table':
             _round(item)
 
 
-def _flaw(item: Candidate) -> str:
-    """Say why the values of a candidate cannot be used; nothing if they can."""
+def _put_back(candidates: Sequence[Candidate]) -> None:
+    """Use what was set aside for another candidate that cannot be used after all."""
+    back: set[str] = set()
+    for item in candidates:
+        if item.replaced_by is not None and item.replaced_by.aside and item.once not in back:
+            item.aside, item.is_dull = _flaw(item)
+            if not item.aside:
+                back.add(item.once)
+
+
+def _flaw(item: Candidate) -> tuple[str, bool]:
+    """Say why the values of a candidate cannot be used, and whether that is because they rest."""
     missing = max(seen.missing + seen.outside for seen in item.seen)
-    if missing > _MISSING_SHARE:
-        return f'missing in {missing:.0%} of the rows'
+    if missing > (_MISSING_ERROR_SHARE if 'minus' in item.entry else _MISSING_SHARE):
+        return f'missing in {missing:.0%} of the rows', False
     if item.is_flag:
-        return ''
-    if len(item.seen) > 1:
+        return '', False
+    if 'sectors' in item.entry:
         is_stuck = all(seen.is_constant and seen.low < seen.source.high for seen in item.seen)
-        return 'constant in every sector' if is_stuck else ''
-    seen = item.seen[0]
+        return ('constant in every sector', True) if is_stuck else ('', False)
+    low, high = min(seen.low for seen in item.seen), max(seen.high for seen in item.seen)
     least = 0.0 if item.kind == 'table' else _RESOLUTIONS.get(item.entry['unit'], _NOISE)
-    if seen.high - seen.low <= least:
-        return f'constant at {seen.median:.3g}' + (f' within {least:g}' if least else '')
-    return ''
+    if item.role is not None and (not item.role.resolution or item.moves):
+        least = 0.0
+    if not high - low > least:
+        within = f' within {least:g}' if least else ''
+        return f'constant at {item.seen[0].median:.3g}{within}', True
+    return '', False
 
 
 def _cap(item: Candidate) -> None:
     """Make all that is further off than usual the same, so that no rule forbids open space."""
-    seen = item.seen[0]
-    cap = nice_below((seen.median + seen.high) / 2.0)
-    if math.isfinite(seen.high) and 'bounds' in item.entry:
+    median, high = item.seen[0].median, max(seen.high for seen in item.seen)
+    cap = nice_below((median + high) / 2.0)
+    if math.isfinite(high) and 'bounds' in item.entry:
         item.entry |= {'transform': [{'clip': [0, cap]}], 'bounds': [0, cap]}
         item.remark += f', and more than {cap:g} m as {cap:g} m'
 
 
 def _round(item: Candidate) -> None:
     """Give a measured quantity a resolution, so that no bound is a matter of noise."""
-    seen = item.seen[0]
-    span = seen.high - seen.low
+    span = max(seen.high for seen in item.seen) - min(seen.low for seen in item.seen)
     steps = item.entry.get('transform', [])
     if not span > _NOISE or any(isinstance(step, dict) for step in steps):
         return
-    step = _RESOLUTIONS.get(item.entry['unit'])
-    if step is None:
-        step = float(f'1e{math.floor(math.log10(span / 50.0))}')
+    known = _RESOLUTIONS.get(item.entry['unit'], 0.0)
+    step = max(known, nice_above(span / _STEPS))
     item.entry['transform'] = [*steps, {'round': step}]
 
 
+def _limit(item: Candidate) -> None:
+    """Give a quantity a resolution, and leave only the bounds that mean a danger."""
+    role, members = item.role, item.family_seen or item.seen
+    assert role is not None
+    steps = list(item.entry.get('transform', []))
+    low, high = min(seen.low for seen in members), max(seen.high for seen in members)
+    median = max(seen.median for seen in members)
+    if role.is_magnitude:
+        steps = [*(step for step in steps if step != 'abs'), 'abs']
+        low, high = (
+            (0.0 if low <= 0.0 <= high else min(abs(low), abs(high))),
+            max(abs(low), abs(high)),
+        )
+        median = max(seen.size for seen in members)
+    step = max(nice_above((high - low) / role.steps), role.resolution)
+    if role.side == 'above':
+        step = max(step, nice_above(median / _FINEST))
+    if role.drains:
+        # A drive shows a part of the way down, and the next one goes on from there.
+        end = low - (high - low) - abs(median) * _DRAIN_SHARE
+        size = 10.0 ** (math.floor(math.log10(max(abs(end), 1e-9))) - 2)
+        end = float(f'{math.floor(end / size) * size:.12g}')
+        item.entry |= {'transform': [*steps, {'clip': [None, end]}], 'bounds': [None, end]}
+        item.remark = (
+            f'more than {end:g} counts as {end:g}: the lowest that was shown, less what was used, '
+            'for the next drive goes on from there'
+        )
+        return
+    steps.append({'round': step})
+    end = float(f'{round(median / step) * step:.12g}')
+    if role.side == 'above':
+        steps.append({'clip': [end, None]})
+        item.entry['bounds'] = [end, None]
+    elif role.side == 'below':
+        steps.append({'clip': [None, end]})
+        item.entry['bounds'] = [None, end]
+    item.entry['transform'] = steps
+    if role.side != 'both':
+        way, other = ('less', 'below') if role.side == 'above' else ('more', 'above')
+        note = f'{way} than {end:g} counts as {end:g}, so that no rule is about values {other}'
+        item.remark = f'{item.remark}. {note[0].upper()}{note[1:]}' if item.remark else note
+
+
+def _compare(
+    used: Sequence[Candidate], rows: Sequence[MapRows], names: Sequence[str], told: list[str]
+) -> bool:
+    """Tell what would be flagged in one recording by the others; set aside mere offsets.
+
+    Returns:
+        Whether something was set aside.
+    """
+    changed = False
+    for item in used:
+        places = _columns(item, rows[0].feature_map)
+        columns = [part.values[:, places] for part in rows]
+        for number, (own, name) in enumerate(zip(columns, names, strict=True)):
+            first = columns[0] if number else None
+            if first is None or not (np.isfinite(first).any() and np.isfinite(own).any()):
+                continue
+            low, high = np.nanmin(first), np.nanmax(first)
+            span, other = high - low, np.nanmax(own) - np.nanmin(own)
+            strange = float(((own < low) | (own > high)).any(axis=1).mean())
+            if strange <= _STRANGE_SHARE:
+                continue
+            what = (
+                f'{item.entry["name"]} lies outside of what {names[0]} shows ({low:.4g} to '
+                f'{high:.4g}) for {strange:.0%} of the rows of {name} ({np.nanmin(own):.4g} to '
+                f'{np.nanmax(own):.4g})'
+            )
+            shift = abs(float(np.nanmedian(own)) - float(np.nanmedian(first)))
+            drains = item.role is not None and item.role.drains
+            if not drains and shift > max(span, other) and 0.5 * span <= other <= 2.0 * span:
+                item.aside, changed = f'{what}: it differs by an offset only', True
+                break
+            told.append(f'{what}; learn from both, or leave it out')
+    return changed
+
+
 def _warnings(
-    candidates: Sequence[Candidate],
+    used: Sequence[Candidate],
     topics: dict[str, TopicInspection],
-    pace: TopicInspection,
+    pace: TopicInspection | None,
     seen: MapStatistics,
 ) -> Iterator[str]:
-    used = {item.topic.name for item in candidates if not item.aside}
+    names = {item.topic.name for item in used}
     for name, topic in topics.items():
         if topic.problem:
             yield topic.problem
-        if name not in used:
+        elif topic.decoded:
+            yield from value_doubts_of(topic)
+        if name not in names:
             continue
-        if topic.jumps:
-            times = 'once' if topic.jumps == 1 else f'{topic.jumps} times'
-            yield (
-                f'the stamps of {name} jump back {times}, first {topic.first_jump_s:.1f} s after '
-                'its first message'
-            )
+        yield from clock_doubts_of(topic, pace)
         if not topic.is_stamped:
             what = (
                 'it is the trigger topic all the same'
@@ -250,16 +507,10 @@ def _warnings(
                 f'the poses of {name} are in the frame map, which jumps when the robot '
                 'relocalizes; they are not used'
             )
-        below = 0.0 if topic.scan is None else topic.scan.counts[3] / topic.scan.counts[4]
-        if below > 0.0:
-            yield (
-                f'{below:.0%} of the ranges of {name} lie below its range_min; they are kept, '
-                'because something may be that close'
-            )
-    for item in candidates:
-        for part in () if item.aside or item.is_flag else item.seen:
-            is_still = part.longest_still_s > max(_STILL_S, _STILL_SHARE * seen.duration_s)
-            if is_still:
+    for item in used:
+        # As read, for a resolution makes a steady value of one that hardly changes.
+        for part in () if item.is_flag else item.seen:
+            if part.longest_still_s > max(_STILL_S, _STILL_SHARE * seen.duration_s):
                 yield (
                     f'{part.source.name} did not change for {part.longest_still_s:.1f} s: it is '
                     'steady, or its source is frozen'

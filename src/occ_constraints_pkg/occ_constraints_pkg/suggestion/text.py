@@ -18,41 +18,77 @@ from occ_constraints_pkg.terminal import printable
 
 _WIDTH = 98
 _PLAIN = re.compile(r'[A-Za-z_/][A-Za-z0-9_./]*')
+_ELEMENT = re.compile(r'\[[^\]]*\]')
 _NOT_TEXT = {'true', 'false', 'null', 'yes', 'no', 'on', 'off', 'y', 'n'}
 
 
 def suggestion_text(suggestion: Suggestion) -> str:
-    """Return a suggested map as the text of a YAML file that loads as it is."""
+    """Return a suggested map as the text of a YAML file that loads as it is.
+
+    Without a feature in use it says why, and lacks what a map needs.
+    """
     pace, seen = suggestion.pace, suggestion.seen
+    of_robot = f', robot {suggestion.robot}' if suggestion.robot else ''
+    told = (
+        f'{seen.rows} rows in {seen.duration_s:.1f} s, of which {seen.usable:.1%} can be judged. '
+        'Read it, delete what does not matter, and uncomment what does.'
+        if pace is not None
+        else 'no feature can be used as it is. Uncomment what should be, and name the pace.'
+    )
     lines = [
-        *_comment(
-            f'Suggested from {suggestion.name}: {seen.rows} rows in {seen.duration_s:.1f} s, of '
-            f'which {seen.usable:.1%} can be judged. Read it, delete what does not matter, and '
-            'uncomment what does.'
-        ),
+        *_comment(f'Suggested from {suggestion.name}{of_robot}: {told}'),
         *(line for text in suggestion.warnings for line in _comment(f'Warning: {text}.')),
         'schema_version: 1',
-        *_comment(
-            f'The trigger topic: each of its messages gives one row ({_rate(pace.rate)}); of the '
-            'other topics, the latest value is used.'
-        ),
-        f'pace: {_flow(pace.key)}',
+    ]
+    if pace is not None:
+        lines += [
+            *_comment(
+                f'The trigger topic: each of its messages gives one row ({_rate(pace.rate)}); of '
+                'the other topics, the latest value is used.'
+            ),
+            f'pace: {_flow(pace.key)}',
+        ]
+    lines += [
         *_comment('In seconds. An older value counts as missing, and the verdict is then UNKNOWN.'),
         f'max_age: {suggestion.max_age}',
-        'features:',
+        'features:' if suggestion.used else 'features: []',
     ]
-    used = [item for item in suggestion.candidates if not item.aside]
-    for item in used:
-        lines += ['', *_about(item), *_item(item.entry)]
+    family = ''
+    for item in suggestion.used:
+        own = item.entry.get('family', '') if item.family_seen else ''
+        if not own or own != family:
+            lines += ['', *_about(item)]
+        lines += _item(item.entry)
+        family = own
     aside = [item for item in suggestion.candidates if item.aside]
     if aside:
         lines += ['', *_comment('Not used, each for the reason given:')]
     for item in aside:
-        lines += ['#', *_about(item), *(f'# {line}' for line in _item(item.entry))]
+        if not item.is_brief:
+            lines += ['#', *_about(item), *(f'# {line}' for line in _item(item.entry))]
+    lines += _briefly(aside)
     if suggestion.unused:
-        names = ', '.join(f'{item.name} ({item.msgtype})' for item in suggestion.unused)
-        lines += ['', *_comment(f'Topics without a suggestion: {names}.')]
+        lines += ['', *_comment('Topics without a suggestion:')]
+        for topic, reason in suggestion.unused:
+            lines += _comment(f'{topic.name} ({topic.msgtype}): {reason}.')
     return '\n'.join(lines) + '\n'
+
+
+def _briefly(aside: Sequence[Candidate]) -> list[str]:
+    """Return fields that were set aside, those of one topic for one reason together."""
+    together: dict[tuple[str, str], list[str]] = {}
+    for item in aside:
+        if item.is_brief:
+            together.setdefault((item.topic.name, item.aside), []).append(item.entry['field'])
+    lines = []
+    for (topic, reason), fields in together.items():
+        lines += ['#', *_comment(f'{topic}, {", ".join(_shortened(fields))}: {reason}.')]
+    return lines
+
+
+def _shortened(fields: Sequence[str]) -> list[str]:
+    """Return field paths, elements of one array as one."""
+    return list(dict.fromkeys(_ELEMENT.sub('[...]', field) for field in fields))
 
 
 def describe_statistics(seen: MapStatistics, where: str, pace: str) -> str:
@@ -102,13 +138,43 @@ def statistics_document(seen: MapStatistics) -> dict[str, Any]:
     }
 
 
+def suggestion_document(suggestion: Suggestion, output: str | None) -> dict[str, Any]:
+    """Return a suggested map and what was seen as plain values for JSON.
+
+    Args:
+        suggestion: the map.
+        output: the file it was written to; None for none.
+    """
+    return {
+        'output': output,
+        'robot': suggestion.robot or None,
+        'map': suggestion_text(suggestion),
+        'pace': None if suggestion.pace is None else suggestion.pace.name,
+        'max_age': suggestion.max_age,
+        **statistics_document(suggestion.seen),
+        'not_used': [
+            {'name': item.entry['name'], 'topic': item.topic.name, 'reason': item.aside}
+            for item in suggestion.candidates
+            if item.aside
+        ],
+        'topics_not_used': [
+            {'topic': topic.name, 'type': topic.msgtype, 'reason': reason}
+            for topic, reason in suggestion.unused
+        ],
+        'warnings': list(suggestion.warnings),
+    }
+
+
 def _about(item: Candidate) -> list[str]:
     """Return the comment above an entry."""
     name = item.entry['name']
     lines = []
     if item.seen:
-        text = f'{name}: {_span(item.seen)} {item.entry["unit"]}'.removesuffix(' 1')
-        missing = max(seen.missing + seen.outside for seen in item.seen)
+        if item.family_seen:
+            name = f'the family {item.entry["family"]}'
+        seen_all = item.family_seen or item.seen
+        text = f'{name}: {_span(seen_all)} {item.entry["unit"]}'.removesuffix(' 1')
+        missing = max(seen.missing + seen.outside for seen in seen_all)
         text += f'; {item.topic.name} at {_rate(item.topic.rate)}'
         text += f', missing in {missing:.1%} of the rows' if missing else ', never missing'
         lines += _comment(text + '.')

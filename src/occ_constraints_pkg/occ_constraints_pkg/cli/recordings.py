@@ -38,7 +38,7 @@ from occ_constraints_pkg.wording import count_of
 @DEFINITIONS
 @JSON
 def info(bag: str, as_json: bool) -> None:
-    """Show what a recording holds: topics, rates, gaps, clocks, what can be learned from.
+    """Show the topics, rates, gaps and clocks of a recording.
 
     For each topic, "stamp to log" is the median time from its header stamps to the log times.
 

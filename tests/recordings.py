@@ -90,6 +90,11 @@ class Messages:
             self.vector(0.0, 0.0, 0.0), np.zeros(9), self.vector(0.0, 0.0, 0.0), np.zeros(9),
         )  # fmt: skip
 
+    def joints(self, stamp_ns, names, position=(), velocity=(), effort=()):
+        arrays = (np.array(values, dtype=np.float64) for values in (position, velocity, effort))
+        header = self.header(stamp_ns)
+        return self.types['sensor_msgs/msg/JointState'](header, list(names), *arrays)
+
     def table(self, names, values, *, stamp_ns=0):
         table = Table(tuple(names), np.asarray(values))
         field = self.types['sensor_msgs/msg/PointField']

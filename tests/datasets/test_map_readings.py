@@ -62,22 +62,24 @@ def rows_of(path, wanted):
     return values
 
 
-def header(stamp_ns):
-    time = STORE.types['builtin_interfaces/msg/Time'](*divmod(stamp_ns, SECOND))
-    return STORE.types['std_msgs/msg/Header'](time, '')
-
-
-def joints(stamp_ns, names, position=(), velocity=(), effort=()):
-    arrays = (np.array(values, dtype=np.float64) for values in (position, velocity, effort))
-    return STORE.types['sensor_msgs/msg/JointState'](header(stamp_ns), list(names), *arrays)
-
-
-def test_joints_by_name_whatever_their_order(write_bag):
+def test_joints_by_name_whatever_their_order(messages, write_bag):
     bag = write_bag(
         [
-            ('/t', joints(1 * SECOND, ['pan', 'left/elbow'], [1.0, 2.0], [], [5.0, 6.0]), 0),
-            ('/t', joints(2 * SECOND, ['left/elbow', 'pan'], [3.0, 4.0], [], [7.0, 8.0]), 1),
-            ('/t', joints(3 * SECOND, ['left/elbow', 'pan'], [9.0, 9.5], [0.1, 0.2], []), 2),
+            (
+                '/t',
+                messages.joints(1 * SECOND, ['pan', 'left/elbow'], [1.0, 2.0], [], [5.0, 6.0]),
+                0,
+            ),
+            (
+                '/t',
+                messages.joints(2 * SECOND, ['left/elbow', 'pan'], [3.0, 4.0], [], [7.0, 8.0]),
+                1,
+            ),
+            (
+                '/t',
+                messages.joints(3 * SECOND, ['left/elbow', 'pan'], [9.0, 9.5], [0.1, 0.2], []),
+                2,
+            ),
         ]
     )
     wanted = feature_map(
@@ -93,15 +95,15 @@ def test_joints_by_name_whatever_their_order(write_bag):
     )
 
 
-def test_arm_and_gripper_on_one_topic(write_bag):
+def test_arm_and_gripper_on_one_topic(messages, write_bag):
     entries = []
     for tick in range(4):
         time = SECOND + tick * SECOND // 10
-        entries.append(('/t', joints(time, ['elbow'], [tick]), time))
-        entries.append(('/t', joints(time + 1000, ['finger'], [10 + tick]), time + 1000))
+        entries.append(('/t', messages.joints(time, ['elbow'], [tick]), time))
+        entries.append(('/t', messages.joints(time + 1000, ['finger'], [10 + tick]), time + 1000))
     # The gripper stops.
     entries += [
-        ('/t', joints(time := 2 * SECOND + tick, ['elbow'], [50.0 + tick]), time)
+        ('/t', messages.joints(time := 2 * SECOND + tick, ['elbow'], [50.0 + tick]), time)
         for tick in range(2)
     ]
     wanted = feature_map(
@@ -115,8 +117,8 @@ def test_arm_and_gripper_on_one_topic(write_bag):
     np.testing.assert_equal(values, expected)
 
 
-def test_a_name_that_no_message_has(write_bag):
-    bag = write_bag([('/t', joints(SECOND, ['shoulder', 'elbow'], [1.0, 2.0]), 0)] * 3)
+def test_a_name_that_no_message_has(messages, write_bag):
+    bag = write_bag([('/t', messages.joints(SECOND, ['shoulder', 'elbow'], [1.0, 2.0]), 0)] * 3)
     for entry in ("'position[name=elbo]'", "'position[name=elbo]', max_age: 3"):
         with pytest.raises(
             OccError, match=r"no message has name 'elbo'; did you mean 'elbow'"
@@ -126,11 +128,11 @@ def test_a_name_that_no_message_has(write_bag):
     with pytest.raises(OccError, match="neither position nor the message has 'nam'"):
         extract([bag], feature_map("topic: t, field: 'position[nam=elbow]'"))
     extractor = FeatureExtractor(feature_map("topic: t, field: 'position[name=elbo]'"))
-    extractor.push('t', joints(SECOND, ['shoulder'], [1.0]), 0)
+    extractor.push('t', messages.joints(SECOND, ['shoulder'], [1.0]), 0)
     assert "no message has name 'elbo'" in extractor.fault
 
 
-def test_diagnostics_by_name_and_key(write_bag):
+def test_diagnostics_by_name_and_key(messages, write_bag):
     types = STORE.types
 
     def message(stamp_ns, voltage, level):
@@ -139,7 +141,7 @@ def test_diagnostics_by_name_and_key(write_bag):
             return types['diagnostic_msgs/msg/DiagnosticStatus'](level, name, '', '', pairs)
 
         return types['diagnostic_msgs/msg/DiagnosticArray'](
-            header(stamp_ns),
+            messages.header(stamp_ns),
             [status('motor', 0, Voltage='1'), status('Battery 1', level, Voltage=voltage)],
         )
 
@@ -238,12 +240,12 @@ def test_a_quaternion_in_an_array_needs_its_order(store, tmp_path):
     assert np.isnan(zeros.push('t', message, 0).values).all()
 
 
-def test_counts_and_fields_of_elements(store, tmp_path):
+def test_counts_and_fields_of_elements(messages, store, tmp_path):
     types = store.types
 
     def hazards(stamp, *pairs):
         found = [types['lab_msgs/msg/Hazard'](*pair) for pair in pairs]
-        return types['lab_msgs/msg/Hazards'](header(stamp), found)
+        return types['lab_msgs/msg/Hazards'](messages.header(stamp), found)
 
     found = [(), ((1, 0.5), (2, 0.25)), ((1, 3.0), (1, 4.0), (2, 1.0))]
     entries = [('/t', hazards(stamp, *pairs), stamp) for stamp, pairs in enumerate(found, 1)]
@@ -366,7 +368,9 @@ def test_a_transform_of_what_is_subtracted(messages, write_bag):
 
 def test_one_path_for_stamped_and_plain_messages(messages, write_entries, tmp_path):
     plain = messages.twist(x=1.5)
-    stamped = STORE.types['geometry_msgs/msg/TwistStamped'](header(SECOND), messages.twist(x=2.5))
+    stamped = STORE.types['geometry_msgs/msg/TwistStamped'](
+        messages.header(SECOND), messages.twist(x=2.5)
+    )
     for number, (message, x) in enumerate([(plain, 1.5), (stamped, 2.5)]):
         bag = write_entries(tmp_path / str(number), [('/t', message, 7)])
         wanted = feature_map('topic: t, field: linear.x', 'topic: t, field: twist.linear.x')

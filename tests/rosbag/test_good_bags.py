@@ -264,3 +264,32 @@ def test_times_by_stamps_where_log_times_say_nothing(messages, write_bag):
     assert (found.times_ns / 1e9).tolist() == [0.0, 1.0, 2.0, 3.0]
     assert 'have the same log time' in found.warnings[0]
     assert np.array_equal(found.values.ravel(), range(4))
+
+
+@pytest.mark.parametrize('little_endian', [True, False])
+@pytest.mark.parametrize('first', ['plain', 'stamped'])
+def test_both_a_type_and_its_stamped_form_on_one_topic(tmp_path, messages, first, little_endian):
+    store = get_typestore(Stores.ROS2_JAZZY)
+    path = tmp_path / 'a.mcap'
+    with path.open('wb') as stream:
+        writer, channels = Writer(stream), {}
+        writer.start('ros2')
+        for time in range(1, 7):
+            message = messages.twist(x=float(time), wz=0.5)
+            if (time % 2 == 0) == (first == 'plain'):
+                header = messages.header(time * 10**9, 'base')
+                message = store.types['geometry_msgs/msg/TwistStamped'](header, message)
+            name = message.__msgtype__
+            if name not in channels:
+                text, _ = store.generate_msgdef(name, ros_version=2)
+                schema = writer.register_schema(name, 'ros2msg', text.encode())
+                channels[name] = writer.register_channel('/a', 'cdr', schema)
+            data = bytes(store.serialize_cdr(message, name, little_endian=little_endian))
+            writer.add_message(channels[name], time * 10**9, data, time * 10**9)
+        writer.finish()
+    found = values_of(path, {'field': 'linear.x'}, {'field': 'twist.angular.z'})
+    assert found.tolist() == [[float(time), 0.5] for time in range(1, 7)]
+    recording = Recording(path)
+    stamps = [recording.decode(raw).header.stamp.sec for raw in recording.messages()]
+    assert stamps == ([0, 2, 0, 4, 0, 6] if first == 'plain' else [1, 0, 3, 0, 5, 0])
+    assert 'geometry_msgs/msg/Twist are read as geometry_msgs/msg/TwistS' in recording.warnings[0]

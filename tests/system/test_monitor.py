@@ -380,3 +380,47 @@ def test_typed_messages_of_a_best_effort_publisher_are_judged(nodes, observer):
         robot.until(lambda count=before: len(robot.costs) > count)
         assert Table.from_message(robot.costs[-1]).column('verdict').tolist() == [verdict]
         assert stamp_of(robot.costs[-1]) == robot.stamp
+
+
+def test_joints_by_name_and_a_name_that_nobody_has(nodes, observer):
+    from occ_constraints_pkg.ros.messages import to_time
+    from occ_constraints_pkg.ros.qos import SENSORS
+    from sensor_msgs.msg import JointState
+
+    document = {
+        'schema_version': 1,
+        'pace': 'joint_states',
+        'max_age': 5.0,
+        'features': [
+            {'name': name, 'topic': 'joint_states', 'field': f'position[name={name}]'}
+            for name in ('elbow', 'finger')
+        ],
+    }
+    space = FeatureMap.from_document(document, '').space
+    rules = RuleSet(space, (Rule('far', (Literal(0, '>', 1.0),)),), np.array([[0.0, 1.0]] * 2))
+    robot = Robot(observer)
+    file = nodes.folder / 'rules.yaml'
+    Constraints(rules, document).save(file)
+    nodes.start('monitor', constraints_file=file, timeout=0.5)
+    observer.wait_for_monitor(2)
+    publisher = robot.observer.node.create_publisher(JointState, 'joint_states', SENSORS)
+    robot.until(lambda: publisher.get_subscription_count() == 1)
+    for joints, verdict in (
+        ({'elbow': 0.5}, Verdict.UNKNOWN),
+        ({'finger': 0.1}, Verdict.SAFE),
+        ({'wrist': 0.0, 'elbow': 1.5}, Verdict.VIOLATED),
+        # The elbow keeps its value.
+        ({'finger': 0.2}, Verdict.VIOLATED),
+    ):
+        robot.stamp += 10**8
+        message = JointState(name=list(joints), position=list(joints.values()))
+        message.header.stamp = to_time(robot.stamp)
+        before = len(robot.costs), len(robot.violations)
+        publisher.publish(message)
+        robot.until(
+            lambda count=before: len(robot.costs) > count[0] and len(robot.violations) > count[1]
+        )
+        assert Table.from_message(robot.costs[-1]).column('verdict').tolist() == [verdict]
+        if verdict is Verdict.UNKNOWN:
+            words = robot.violations[-1].status[0].message
+            assert "no message has name 'finger'; the last one has elbow" in words

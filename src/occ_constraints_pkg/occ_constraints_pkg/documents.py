@@ -33,7 +33,7 @@ from occ_constraints_pkg.files import DOCUMENT_BYTES, read_bytes
 
 # Three for each split of the deepest tree, plus some.
 _MOST_LEVELS = 350
-_PATH = re.compile(r'((?:\.?\w+|\[\d+\])+): ')
+_PATH = re.compile(r'(\w+(?:\.\w+|\[\d+\])*): ')
 _PATH_STEP = re.compile(r'\.?([A-Za-z_]\w*)|\[(\d+)\]')
 _SURROGATE = re.compile(r'[\ud800-\udfff]')
 

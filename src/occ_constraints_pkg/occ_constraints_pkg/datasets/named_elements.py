@@ -13,6 +13,9 @@ from occ_constraints_pkg.features.fields import FieldReader, NotNamedError
 from occ_constraints_pkg.features.paths import Selector
 from occ_constraints_pkg.rosbag.cdr import Group, Path, read_texts
 
+# Lists of names that are remembered; robots have a few.
+_MOST_LISTS = 1000
+
 
 class NamedElements:
     """Finds numbers such as ``position[name=elbow]``, whose names are a sequence of strings.
@@ -86,6 +89,9 @@ class NamedElements:
         """Return (n,) which of the lists of names each message has; readers share the answer."""
         if self._last is None or self._last[0] is not names.base:
             found = []
+            if len(self._lists) > _MOST_LISTS:
+                self._lists.clear()
+                self._numbers.clear()
             for start, end in names.base.tolist():
                 key = bytes(data[int(start) : int(end)])
                 if key not in self._numbers:

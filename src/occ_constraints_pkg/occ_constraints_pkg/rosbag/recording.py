@@ -27,6 +27,7 @@ from occ_constraints_pkg.rosbag.metadata import (
 )
 from occ_constraints_pkg.rosbag.sqlite_file import MAGIC as SQLITE_MAGIC
 from occ_constraints_pkg.rosbag.sqlite_file import SqliteFile
+from occ_constraints_pkg.rosbag.stamped import stamped_of, with_header
 from occ_constraints_pkg.rosbag.storage import (
     MAX_PIECE_BYTES,
     ZSTD_SUFFIXES,
@@ -231,6 +232,13 @@ class Recording:
         if not has_bytes.all():
             empty.update(block.topics[~has_bytes].tolist())
             block = block.select(has_bytes)
+        unstamped = [
+            channel
+            for channel in wanted
+            if f'{_msgtype(storage, channel)}Stamped'
+            == self.topics[storage.topics[channel][0]].msgtype
+        ]
+        is_plain = np.isin(channels[at][has_bytes], unstamped) if unstamped else None
         if self._message_zstd:
             try:
                 block = block.mapped(_unpack_message)
@@ -238,6 +246,9 @@ class Recording:
                 raise DataError(
                     f'{storage.path} is damaged: a compressed message cannot be read ({error})'
                 ) from error
+        if is_plain is not None and is_plain.any():
+            plain = iter(is_plain.tolist())
+            block = block.mapped(lambda data: with_header(data) if next(plain) else data)
         return block
 
     def raw(self, block: Block, row: int, topic: str) -> RawMessage:
@@ -398,13 +409,26 @@ class Recording:
         topics: dict[str, TopicInfo] = {}
         for storage in self._storages:
             for name, stored in storage.topics.values():
-                info = replace(stored, msgtype=_FIRST_NAMES.sub(r'\1/msg/\2', stored.msgtype))
+                info = replace(stored, msgtype=_full_name(stored.msgtype))
                 known = topics.get(name)
                 topics[name] = info if known is None else self._joined(name, known, info)
         return topics
 
     def _joined(self, topic: str, known: TopicInfo, info: TopicInfo) -> TopicInfo:
         """Join what two channels or files say of a topic, and note where they contradict."""
+        # Of no matter to whoever does not need this topic.
+        conflict = known.conflict
+        if known.msgtype != info.msgtype and (stamped := stamped_of(known, info)) is not None:
+            plain = known if stamped is info else info
+            warning = (
+                f'{self.path} has topic {topic!r} with two types: messages of type '
+                f'{plain.msgtype} are read as {stamped.msgtype} without a stamp'
+            )
+            self._warnings += [] if warning in self._warnings else [warning]
+            known, info = (
+                replace(stamped, count=item.count, serialization=item.serialization)
+                for item in (known, info)
+            )
         pairs = [
             ('types', known.msgtype, info.msgtype),
             ('serializations', known.serialization, info.serialization),
@@ -413,8 +437,6 @@ class Recording:
             # Definitions that differ in comments are the same.
             pairs.append(('definitions', *(_parsed_or_text(item) for item in (known, info))))
         told = known if known.definition else info
-        # Of no matter to whoever does not need this topic.
-        conflict = known.conflict
         for what, first, second in pairs:
             if first != second and not conflict:
                 found = '' if what == 'definitions' else f', {first!r} and {second!r}'
@@ -450,6 +472,14 @@ class Recording:
             f'{self.path} has topic {topic!r} of type {self.topics[topic].msgtype!r}, whose '
             f'definition {what}'
         )
+
+
+def _full_name(msgtype: str) -> str:
+    return _FIRST_NAMES.sub(r'\1/msg/\2', msgtype)
+
+
+def _msgtype(storage: StorageFile, channel: int) -> str:
+    return _full_name(storage.topics[channel][1].msgtype)
 
 
 def _unpack_message(data: bytes) -> bytes:

@@ -210,6 +210,23 @@ def test_a_topic_that_only_one_recording_has(messages, write_bag):
     assert unused == {'/odom': 'it is not in b'}
 
 
+def test_arrays_that_are_sometimes_shorter(messages, write_bag):
+    """Elements by number have to be there always; those by name need not."""
+    kind = messages.types['sensor_msgs/msg/JointState']
+    entries = []
+    for step in range(60):
+        now, value = START + step * TENTH, math.sin(step / 7)
+        count = 2 if step % 3 else 1
+        numbers = np.full(count, value)
+        bare = kind(messages.header(now), [], numbers, numbers, numbers)
+        named = kind(messages.header(now), ['hip', 'knee'][:count], numbers, numbers, numbers)
+        entries += [('/bare', bare, now), ('/named', named, now + 1)]
+    suggestion, _, feature_map = found(write_bag, entries)
+    fields = {item.field for item in feature_map.features if 'position' in item.name}
+    assert fields == {'position[0]', 'position[name=hip]', 'position[name=knee]'}
+    assert suggestion.seen.usable > 0.95
+
+
 def test_never_two_robots_in_one_map(messages, write_bag, run_occ, tmp_path):
     entries = [
         (f'/robot{number}{topic}', message, time)

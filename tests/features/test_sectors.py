@@ -106,7 +106,7 @@ def test_a_sector_where_the_scan_does_not_look(messages):
 
 
 def test_what_has_no_angles(messages):
-    with pytest.raises(OccError, match='angle_increment nan; allowed are beams within some turns'):
+    with pytest.raises(OccError, match='angle_increment nan; allowed are radians'):
         sectors(messages.scan([1.0, 2.0], step=math.nan), 4)
     document = {
         'schema_version': 1,

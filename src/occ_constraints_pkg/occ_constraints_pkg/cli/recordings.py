@@ -38,9 +38,10 @@ from occ_constraints_pkg.wording import count_of
 @DEFINITIONS
 @JSON
 def info(bag: str, as_json: bool) -> None:
-    """Show what a recording holds: topics, rates, gaps, clocks, what can be learned from.
+    """Show the topics, rates, gaps and clocks of a recording.
 
-    For each topic, "stamp to log" is the median time from its header stamps to the log times.
+    And for each topic, what can be learned from: how many fields are numbers or arrays, or why it
+    cannot be read. "Stamp to log" is the median time from header stamps to log times.
 
     \b
     Example: occ info bags/drive_1

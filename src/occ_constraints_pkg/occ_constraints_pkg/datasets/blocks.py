@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from occ_constraints_pkg.datasets.topic_columns import TopicColumns
+from occ_constraints_pkg.datasets.topic_columns import TopicColumns, Walk
 from occ_constraints_pkg.features.feature_map import Channel, FeatureMap, topic_key
 from occ_constraints_pkg.features.lateness import lateness_of
 from occ_constraints_pkg.features.table import Table
@@ -68,8 +68,10 @@ class BlockExtractor:
         self._width = len(feature_map.readings)
         self._max_age_ns = round(feature_map.max_age * 1e9)
         self._transforms = RowTransforms(feature_map)
+        self._walks: dict[str, Walk] = {}
         self._channels = [
-            _Channel(item, recording, topics, feature_map) for item in feature_map.channels
+            _Channel(item, recording, topics, feature_map, self._walks)
+            for item in feature_map.channels
         ]
         self._max_lag_ns = round(max_lag * 1e9)
         lateness = lateness_of(feature_map, self._max_lag_ns)
@@ -102,6 +104,7 @@ class BlockExtractor:
         Raises:
             OccError: a message is damaged, or lacks a field that the map asks for.
         """
+        self._walks.clear()
         paces = np.flatnonzero(block.topics == 0)
         pace, *others = self._channels
         own, stamps = pace.columns.read(block, paces)
@@ -197,10 +200,13 @@ class _Channel:
         recording: Recording,
         topics: dict[str, str],
         feature_map: FeatureMap,
+        walks: dict[str, Walk],
     ) -> None:
         self.places = list(channel.places)
         own = [feature_map.readings[place] for place in self.places]
-        self.columns = TopicColumns(recording, topics[channel.key], own)
+        # Channels with names read all messages of their topic, and mostly the same of them.
+        shared = walks if channel.names else None
+        self.columns = TopicColumns(recording, topics[channel.key], own, shared)
         self._channel = channel
         self._number = list(topics).index(channel.key)
         self._latest: _LatestValues | None = None

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,14 +14,43 @@ from occ_constraints_pkg.features.fields import FieldReader, NotNamedError
 from occ_constraints_pkg.features.paths import Selector
 from occ_constraints_pkg.rosbag.cdr import Group, Path, read_texts
 
-# Lists of names that are remembered; robots have a few.
-_MOST_LISTS = 1000
+# Names that an error lists; those of a robot are fewer.
+_MOST_NAMES = 1000
+
+
+@dataclass(frozen=True)
+class NameLists:
+    """The lists of names in n messages, each different one once.
+
+    Attributes:
+        numbers: (n,) which of the lists a message has.
+        lists: the names, in order.
+    """
+
+    numbers: np.ndarray
+    lists: tuple[tuple[str, ...], ...]
+
+    @classmethod
+    def of(cls, names: Group, data: bytes | memoryview) -> NameLists:
+        """Read the lists; recorders repeat the same names message after message.
+
+        Args:
+            names: where the names lie in the data.
+            data: bytes in which the messages lie.
+
+        Raises:
+            UnreadableError: a list is damaged.
+        """
+        found: dict[bytes, int] = {}
+        numbers = [
+            found.setdefault(bytes(data[start:end]), len(found))
+            for start, end in names.base.tolist()
+        ]
+        return cls(np.array(numbers), tuple(tuple(read_texts(item)) for item in found))
 
 
 class NamedElements:
     """Finds numbers such as ``position[name=elbow]``, whose names are a sequence of strings.
-
-    Recorders repeat the same names message after message, so each list of them is read once.
 
     Args:
         definitions: type name to its parsed definition.
@@ -43,11 +73,7 @@ class NamedElements:
         self.columns: dict[int, int] = {}
         self._readers = readers
         self._selectors: dict[int, Selector] = {}
-        # The lists of names that were met, and the number of each.
-        self._lists: dict[bytes, list[str]] = {}
-        self._numbers: dict[bytes, int] = {}
-        # Where names lay when they were last looked up, and the number of each message's list.
-        self._last: tuple[np.ndarray, np.ndarray] | None = None
+        self._seen: dict[str, None] = {}
         texts: dict[Path, int] = {}
         for column, reader in enumerate(readers):
             found = _array_and_names(definitions, msgtype, paths[column])
@@ -60,23 +86,20 @@ class NamedElements:
             self.columns[column] = texts[names]
 
     def read(
-        self, column: int, names: Group, arrays: Sequence[Group], data: bytes | memoryview
+        self, column: int, names: NameLists, arrays: Sequence[Group]
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return (n,) float64 numbers, and (n,) which of the messages have the name.
 
         Args:
             column: which of the readers.
-            names: where the names lie in the data.
+            names: of the messages.
             arrays: the arrays of which one element is meant.
-            data: bytes in which the messages lie.
-
-        Raises:
-            UnreadableError: a message is damaged.
         """
-        selector = self._selectors[column]
-        lists = self._lists_of(names, data)
-        places = [_index(selector, texts) for texts in self._lists.values()]
-        indices = np.array(places, dtype=np.intp)[lists]
+        text = self._selectors[column].text
+        places = [item.index(text) if text in item else -1 for item in names.lists]
+        indices = np.array(places)[names.numbers]
+        if -1 in places and len(self._seen) < _MOST_NAMES:
+            self._seen.update(dict.fromkeys(name for item in names.lists for name in item))
         values = np.full(len(indices), np.nan)
         for group in arrays:
             own = indices[group.rows]
@@ -85,34 +108,14 @@ class NamedElements:
             values[group.rows[known]] = group.values[known, own[known]]
         return values, indices >= 0
 
-    def _lists_of(self, names: Group, data: bytes | memoryview) -> np.ndarray:
-        """Return (n,) which of the lists of names each message has; readers share the answer."""
-        if self._last is None or self._last[0] is not names.base:
-            found = []
-            if len(self._lists) > _MOST_LISTS:
-                self._lists.clear()
-                self._numbers.clear()
-            for start, end in names.base.tolist():
-                key = bytes(data[int(start) : int(end)])
-                if key not in self._numbers:
-                    self._numbers[key] = len(self._numbers)
-                    self._lists[key] = read_texts(key)
-                found.append(self._numbers[key])
-            self._last = names.base, np.array(found, dtype=np.intp)
-        return self._last[1]
-
     def error(self) -> NotNamedError:
         """Return the error that a name has not been in any message so far."""
-        names = list(dict.fromkeys(name for names in self._lists.values() for name in names))
+        names = list(self._seen)
         column = next(
             (item for item, selector in self._selectors.items() if selector.text not in names),
             min(self._selectors),
         )
         return self._readers[column].not_named(self._selectors[column], names)
-
-
-def _index(selector: Selector, texts: list[str]) -> int:
-    return texts.index(selector.text) if selector.text in texts else -1
 
 
 def _array_and_names(

@@ -5,11 +5,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from occ_constraints_pkg.datasets.named_elements import NamedElements
+from occ_constraints_pkg.datasets.named_elements import NamedElements, NameLists
 from occ_constraints_pkg.features.fields import (
     GEOMETRY,
     GREATEST,
@@ -38,6 +39,19 @@ _LIMITS = ('least', 'greatest')
 _STAMP = (('header', 'stamp', 'sec'), ('header', 'stamp', 'nanosec'))
 
 
+@dataclass(frozen=True, eq=False)
+class Walk:
+    """What was found in the messages of one topic.
+
+    Attributes:
+        found: the groups of each path.
+        names: place of a path to the lists of names that it leads to.
+    """
+
+    found: list[list[Group]]
+    names: dict[int, NameLists]
+
+
 class TopicColumns:
     """Reads all that is asked of one topic, from many messages at a time.
 
@@ -45,6 +59,8 @@ class TopicColumns:
         recording: where the topic's type is defined.
         topic: its name in the recording.
         readings: ``(feature, reading)`` for each number; each reading has a field.
+        walks: what was found of the present block by others that read the same fields of the same
+            messages; whoever passes it empties it before the next block. None: to share nothing.
 
     Attributes:
         unnamed: what the last message lacked of the names that are asked for, as long as no
@@ -52,8 +68,13 @@ class TopicColumns:
     """
 
     def __init__(
-        self, recording: Recording, topic: str, readings: Sequence[tuple[str, Reading]]
+        self,
+        recording: Recording,
+        topic: str,
+        readings: Sequence[tuple[str, Reading]],
+        walks: dict[str, Walk] | None = None,
     ) -> None:
+        self._walks = walks
         self._recording, self._topic = recording, topic
         self._one_reader = MessageReader(readings)
         self._readers = [FieldReader(*item) for item in readings]
@@ -98,6 +119,7 @@ class TopicColumns:
         if any(reading.is_sector for _, reading in readings):
             ask('first', GEOMETRY[0])
             ask('step', GEOMETRY[1])
+        self._key = f'{topic} {paths}'
         self._fields = None
         self._kinds: list[str] = []
         try:
@@ -145,13 +167,28 @@ class TopicColumns:
             return np.empty((0, len(self._readers))), np.empty(0, np.int64), np.empty(0, bool)
         if self._fields is not None and self._recording.topics[self._topic].serialization == 'cdr':
             try:
-                found = self._fields.read(block.data, block.starts[rows], block.ends[rows])
+                found = self._walk(block, rows)
                 # A value that overflows is infinite, which the verdict tells; as in plain Python.
                 with np.errstate(over='ignore', invalid='ignore'):
-                    return self._finish(found, len(rows), block.data)
+                    return self._finish(found, len(rows))
             except UnreadableError:
                 pass
         return self._one_by_one(block, rows)
+
+    def _walk(self, block: Block, rows: np.ndarray) -> Walk:
+        """Find the fields in the messages, unless somebody has."""
+        assert self._fields is not None
+        walk = None if self._walks is None else self._walks.get(self._key)
+        if walk is None:
+            found = self._fields.read(block.data, block.starts[rows], block.ends[rows])
+            lists = {
+                place: NameLists.of(found[place][0], block.data)
+                for place in set(self._named.columns.values())
+            }
+            walk = Walk(found, lists)
+            if self._walks is not None:
+                self._walks[self._key] = walk
+        return walk
 
     def _one_by_one(
         self, block: Block, rows: np.ndarray
@@ -174,9 +211,8 @@ class TopicColumns:
         self._is_named = self._is_named or bool(named.any())
         self.unnamed = None if self._is_named else unnamed
 
-    def _finish(
-        self, found: list[list[Group]], count: int, data: bytes | memoryview
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _finish(self, walk: Walk, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        found = walk.found
         extra = {
             name: found[place][0].values[:, 0].astype(np.float64)
             for name, place in self._at.items()
@@ -184,7 +220,7 @@ class TopicColumns:
         values = np.full((count, len(self._readers)), np.nan)
         named = np.ones(count, dtype=bool)
         for column, texts in self._named.columns.items():
-            numbers, has_name = self._named.read(column, found[texts][0], found[column], data)
+            numbers, has_name = self._named.read(column, walk.names[texts], found[column])
             values[:, column] = self._numbers(
                 column,
                 self._readers[column].reading,

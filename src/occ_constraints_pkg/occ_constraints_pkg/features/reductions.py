@@ -23,7 +23,7 @@ from occ_constraints_pkg.features.sources import FULL_CIRCLE, Reading
 _PER_DEGREE = 10_000
 _CIRCLE = 360 * _PER_DEGREE
 # In degrees; a scan with beams beyond, or over more than that, has no angles that make sense.
-_LARGEST_ANGLE, _LARGEST_SPAN = 720, 540
+_LARGEST_ANGLE, _LARGEST_SPAN = 1080, 540
 _LARGEST_RADIANS = 4.0 * math.pi
 # How each extreme is found, and its identity, with which values that do not count are replaced.
 _EXTREMES = {'min': (np.minimum, np.inf), 'max': (np.maximum, -np.inf)}

@@ -393,8 +393,13 @@ def _controller_state(topic: TopicInspection, path: str) -> Iterator[Candidate]:
 
 
 def _elements(topic: TopicInspection, path: str) -> Iterator[tuple[str, Series]]:
-    """Yield the elements of an array of numbers that were seen, by their paths."""
+    """Yield the elements of an array of numbers that were seen, by their paths.
+
+    Those by number have to be in every message; those by name need not.
+    """
     for place, series in topic.series.items():
+        if series.share < 1.0 and '=' not in place:
+            continue
         if place.startswith(f'{path}[') and place.endswith(']') and '.' not in place[len(path) :]:
             yield place, series
 
@@ -485,7 +490,7 @@ def _number(topic: TopicInspection, path: str, *, group: str = '') -> Iterator[C
     item.part_of = {'vx': 'speed', 'vy': 'speed', 'vz': 'vertical_speed'}.get(leaf, '')
     if not meaning.reason and not item.is_flag:
         item.remark = 'its message type does not tell the unit'
-    if series.share < 1.0:
+    if series.share < 1.0 and '=' not in path:
         item.aside = item.aside or f'only {series.share:.0%} of the messages have it'
     yield item
 

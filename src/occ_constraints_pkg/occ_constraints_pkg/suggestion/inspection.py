@@ -14,6 +14,7 @@ import numpy as np
 from occ_constraints_pkg.datasets.topic_columns import TopicColumns
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.features.fields import field_names
+from occ_constraints_pkg.rosbag.definition_bounds import WIDE_TEXT
 from occ_constraints_pkg.rosbag.recording import Recording
 from occ_constraints_pkg.rosbag.storage import Block
 from occ_constraints_pkg.suggestion.scans import ScanShape
@@ -411,6 +412,8 @@ def _numbers(
                     yield f'{place}[{label}]', item
                 elif not isinstance(item, str | bytes):
                     yield from _numbers(item, lengths, f'{place}[{label}].')
+        elif getattr(value, '__msgtype__', '') == WIDE_TEXT:
+            continue
         elif name not in ('header', 'stamp') and field_names(value) not in ([], ['sec', 'nanosec']):
             yield from _numbers(value, lengths, f'{place}.', outer)
 

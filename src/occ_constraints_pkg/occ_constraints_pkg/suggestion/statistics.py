@@ -33,6 +33,7 @@ class FeatureStatistics:
         median: median of those.
         size: median of their absolute values.
         high: largest of those.
+        spread: from the first to the ninety-ninth percentile of those.
         missing: share of the rows in which the value is missing or not finite.
         outside: share of the rows in which it is outside its physical bounds.
         stale: share of the rows in which a topic it needs was silent for too long, or had not
@@ -47,6 +48,7 @@ class FeatureStatistics:
     median: float
     size: float
     high: float
+    spread: float
     missing: float
     outside: float
     stale: float
@@ -235,7 +237,10 @@ def _feature_statistics(
     missing = ~np.isfinite(values)
     outside = ~missing & ((values < source.low) | (values > source.high))
     good = values[~missing & ~outside]
-    low, median, high = np.percentile(good, [0, 50, 100]) if good.size else [np.nan] * 3
+    ranks = [0, 1, 50, 99, 100]
+    low, usual_low, median, usual_high, high = (
+        np.percentile(good, ranks) if good.size else [np.nan] * len(ranks)
+    )
     stale = np.zeros(len(values), dtype=bool)
     for _, ages_ns, max_age_ns in aging:
         stale |= ~(ages_ns <= max_age_ns)
@@ -252,6 +257,7 @@ def _feature_statistics(
         median=float(median),
         size=float(np.median(np.abs(good))) if good.size else np.nan,
         high=float(high),
+        spread=float(usual_high - usual_low),
         missing=float(missing.mean()),
         outside=float(outside.mean()),
         stale=float(stale.mean()),

@@ -397,8 +397,10 @@ def _round(item: Candidate) -> None:
     steps = item.entry.get('transform', [])
     if not span > _NOISE or any(isinstance(step, dict) for step in steps):
         return
+    # A jolt at the start, as of a simulation, says nothing of how finely values are to be told.
+    usual = max(seen.spread for seen in item.seen)
     known = _RESOLUTIONS.get(item.entry['unit'], 0.0)
-    step = max(known, nice_above(span / _STEPS))
+    step = max(known, nice_above((usual or span) / _STEPS))
     item.entry['transform'] = [*steps, {'round': step}]
 
 
@@ -431,7 +433,12 @@ def _limit(item: Candidate) -> None:
         )
         return
     steps.append({'round': step})
-    end = float(f'{round(median / step) * step:.12g}')
+    count = round(median / step)
+    if role.side == 'above' and count * step > high:
+        count -= 1
+    elif role.side == 'below' and count * step < low:
+        count += 1
+    end = float(f'{count * step:.12g}')
     if role.side == 'above':
         steps.append({'clip': [end, None]})
         item.entry['bounds'] = [end, None]

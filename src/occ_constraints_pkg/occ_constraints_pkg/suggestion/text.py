@@ -93,10 +93,11 @@ def _shortened(fields: Sequence[str]) -> list[str]:
 
 def describe_statistics(seen: MapStatistics, where: str, pace: str) -> str:
     """Return the statistics of a map as a table for people."""
+    width = max(24, 1 + max((len(item.source.name) for item in seen.features), default=0))
     lines = [
         f'{where}: {seen.rows} rows in {seen.duration_s:.1f} s, triggered by {pace}; '
         f'{seen.usable:.1%} can be judged',
-        f'{"feature":<24}{"unit":>7}{"min":>11}{"median":>11}{"max":>11}{"missing":>9}'
+        f'{"feature":<{width}}{"unit":>7}{"min":>11}{"median":>11}{"max":>11}{"missing":>9}'
         f'{"outside":>9}{"stale":>8}  first problem',
     ]
     for item in seen.features:
@@ -104,7 +105,7 @@ def describe_statistics(seen: MapStatistics, where: str, pace: str) -> str:
         shares = f'{item.missing:>9.1%}{item.outside:>9.1%}{item.stale:>8.1%}'
         problem = 'never changes' if item.is_constant else item.first_problem
         lines.append(
-            f'{item.source.name:<24}{item.source.unit:>7}{numbers}{shares}  {problem}'.rstrip()
+            f'{item.source.name:<{width}}{item.source.unit:>7}{numbers}{shares}  {problem}'.rstrip()
         )
     if seen.clock_jumps:
         lines.append(f'stamps jump back {seen.clock_jumps} times from one row to the next')

@@ -242,7 +242,7 @@ def test_verdicts_that_prove_nothing_about_now_never_open_it(nodes, observer):
         verdicts.stop()
         assert verdicts.never_drives(1.5, lambda step, make=make: make(verdicts, step)), name
         # Verdicts of now open it again.
-        assert verdicts.is_open_within(5.0), name
+        assert verdicts.is_open_within(20.0), name
     verdicts.stop()
     one = verdicts.message()
     assert verdicts.never_drives(1.5, lambda step: [one])
@@ -313,7 +313,7 @@ def test_two_publishers_stop_it_whatever_they_say(nodes, observer):
 
     assert careless.never_drives(2.0, both)
     observer.node.destroy_publisher(careful.publisher)
-    assert careless.is_open_within(10.0)
+    assert careless.is_open_within(20.0)
     # And when a second one comes while it is open.
     third = Verdicts(observer)
     observer.spin(0.3)
@@ -350,7 +350,7 @@ def test_of_several_monitors_the_worst_acts_and_each_must_be_alive(nodes, observ
     # One silent.
     one.stop()
     assert other.never_drives(1.0, lambda step: [other.message()])
-    assert one.is_open_within(5.0, other)
+    assert one.is_open_within(20.0, other)
     observer.node.destroy_publisher(other.publisher)
     observer.spin(0.3)
     assert one.never_drives(3.0, lambda step: [one.message()])
@@ -419,4 +419,4 @@ def test_a_recorded_monitor_that_is_played_back_opens_nothing(nodes, observer, r
     assert len(safe) >= 5
     player = Verdicts(observer)
     assert player.never_drives(2.0, lambda step: [safe[step % len(safe)]])
-    assert player.is_open_within(5.0)
+    assert player.is_open_within(20.0)

@@ -75,7 +75,7 @@ def test_a_node_ends_at_once_and_in_silence_while_it_is_still_being_imported(pro
         loaded = (folder / 'maps').read_text()
         process.send_signal(number)
         process.send_signal(signal.SIGCONT)
-        output, _ = process.communicate(timeout=2.0)
+        output, _ = process.communicate(timeout=10.0)
     finally:
         process.kill()
     assert (process.returncode, output) == (0, '')

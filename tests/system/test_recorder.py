@@ -71,12 +71,16 @@ def test_a_recorder_of_many_topics_loses_next_to_nothing(tmp_path, number):
     assert ending.topics == 200
     assert ending.expected > 2000
     assert ending.late_seconds < 0.5
+    listed = len(information(tmp_path / 'bag')['topics_with_message_count'])
     if number == signal.SIGKILL:
         assert ending.lost_seconds <= 0.5
+        # It is written again for new topics, but not all the time.
+        assert listed >= 100
     else:
         assert ending.lost == 0
-        assert ending.end_seconds < 2.0
-    assert len(information(tmp_path / 'bag')['topics_with_message_count']) >= 200
+        # On a busy machine too; a second is usual.
+        assert ending.end_seconds < 10.0
+        assert listed >= 200
 
 
 def information(bag):

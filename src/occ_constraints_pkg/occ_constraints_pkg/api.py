@@ -87,7 +87,7 @@ def learn(
     paths: Paths,
     feature_map: FeatureMap | str | Path | None = None,
     *,
-    conditions: str = 'none',
+    conditions: str | None = None,
     apart: Sequence[tuple[str, str]] = (),
     false_alarm: float | None = None,
     calibrate_on: Paths = (),
@@ -103,9 +103,11 @@ def learn(
             ``.csv`` or ``.parquet`` tables.
         feature_map: a map, the path of one, or the name of a built-in one. Recordings need it;
             without one every column of a table is a feature.
-        conditions: ``none``, or ``pairs`` or ``triples`` to look for rules about two, or up to
-            three, features as well.
-        apart: pairs of features or families that no such rule may combine.
+        conditions: ``triples`` or ``pairs`` to look for rules about up to three, or two, features
+            as well; ``none`` for the box alone. ``None`` for the default: triples, or none with
+            settings with which the safe set is more than a box.
+        apart: pairs of features or families that no such rule may combine, besides those of the
+            feature map.
         false_alarm: largest probability of an alarm in a fresh safe episode; ``None`` for no
             guarantee.
         calibrate_on: safe episodes for that guarantee, from which nothing is learned; none: held-

@@ -204,8 +204,10 @@ def _learn(
         drivers.values[rows],
         drivers.vehicle[rows],
         feature_map.space,
-        OCTreeSettings(contamination=CONTAMINATION, alpha=alpha),
+        OCTreeSettings(contamination=CONTAMINATION if alpha else None, alpha=alpha),
         rng=np.random.default_rng(0),
+        # Vehicles of one recording meet the same traffic.
+        independent=drivers.recording[rows] if len(_held(drivers)) else drivers.vehicle[rows],
         held_out_share=0.0,
     )
     counted()

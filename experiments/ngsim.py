@@ -209,6 +209,7 @@ def _learn(
         # Vehicles of one recording meet the same traffic.
         independent=drivers.recording[rows] if len(_held(drivers)) else drivers.vehicle[rows],
         held_out_share=0.0,
+        feature_map=feature_map.to_document(),
     )
     counted()
     return constraints.rule_set

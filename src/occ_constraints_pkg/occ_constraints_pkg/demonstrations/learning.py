@@ -48,8 +48,7 @@ def learn_from_files(
         settings: the tree learner's parameters.
         rng: chooses the held-out episodes.
         conditional: which rules with several literals to look for as well; ``None`` for the
-            default. What the map keeps apart is not combined either. Evidence is counted by
-            :attr:`.Dataset.independent`.
+            default. Evidence is counted by :attr:`.Dataset.independent`.
         false_alarm: largest probability of an alarm in a fresh safe episode, see
             :func:`~occ_constraints_pkg.learning.learn.learn`; ``None`` for no guarantee.
         calibrate_on: recordings or tables of safe episodes for that guarantee, from which nothing
@@ -64,8 +63,6 @@ def learn_from_files(
     """
     asked = conditional is not None
     conditional = resolved_conditions(conditional, settings)
-    if feature_map is not None:
-        conditional = conditional.keeping_apart(feature_map.apart)
     if calibrate_on and false_alarm is None:
         raise ConfigurationError('calibrate_on is given without false_alarm; give both or neither')
     data, space = read_demonstrations(paths, feature_map, progress=progress)

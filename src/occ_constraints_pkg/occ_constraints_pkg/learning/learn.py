@@ -89,7 +89,8 @@ def learn(
             guarantees nothing and moves nothing.
         safe_episodes: (m, k) samples and their (m,) episodes to calibrate on. ``None`` for the
             held-out episodes, as many as needed, up to half of all.
-        feature_map: document of the feature map, kept in the file.
+        feature_map: document of the feature map, kept in the file. What it keeps apart is not
+            combined.
         bags: name, sha256 and messages of each recording, kept in the file.
         origin: maps a position in ``values`` to the source of that sample, for the evidence;
             ``source`` is a position in ``bags``.
@@ -102,6 +103,9 @@ def learn(
     """
     settings = settings if settings is not None else OCTreeSettings()
     conditional = resolved_conditions(conditional, settings)
+    if feature_map is not None:
+        pairs = [(one, other) for one, other in feature_map.get('apart', ())]
+        conditional = conditional.keeping_apart(pairs)
     needed = 0 if false_alarm is None or safe_episodes is not None else episodes_needed(false_alarm)
     samples = divide_samples(
         values,

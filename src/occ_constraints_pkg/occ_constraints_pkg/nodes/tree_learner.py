@@ -167,7 +167,7 @@ class TreeLearner(OccNode):
                     self._map.space,
                     self._settings,
                     rng=self._rng,
-                    conditional=self._conditional.keeping_apart(self._map.apart),
+                    conditional=self._conditional,
                     false_alarm=self._false_alarm,
                     feature_map=self._map.to_document(),
                 )

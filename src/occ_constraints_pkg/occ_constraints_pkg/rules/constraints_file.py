@@ -62,7 +62,7 @@ class Constraints:
     Example:
         >>> constraints = occ.learn('bags/simple_nav_expert', 'simple_nav')
         >>> print(len(constraints.rules), f'{constraints.coverage["held_out"]:.1%}')
-        4 100.0%
+        5 100.0%
         >>> constraints.save('nav.yaml')
     """
 

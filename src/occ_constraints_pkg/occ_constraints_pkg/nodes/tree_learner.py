@@ -78,10 +78,11 @@ class TreeLearner(OccNode):
         apart = self.parameter(
             'apart', [], 'pairs A,B of features or families that no rule may combine'
         )
-        self._conditional = resolved_conditions(
-            chosen_conditions(conditions or None, [tuple(pair.split(',')) for pair in apart]),
-            self._settings,
+        self._conditional = chosen_conditions(
+            conditions or None, [tuple(pair.split(',')) for pair in apart]
         )
+        # What does not go together ends the node now, not after hours of collecting.
+        resolved_conditions(self._conditional, self._settings)
         alarm = self.parameter(
             'false_alarm',
             0.0,

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""The safe set of a box and conditional rules as it is stored: the box, and a forest of small trees.
+"""The safe set of conditional rules as it is stored: the box, and a forest of small trees.
 
 Rules are put in groups that share no feature, and each group has a tree. A sample is safe where it
 lies in the box and in a leaf of every tree. A single tree would multiply the leaves of the groups.

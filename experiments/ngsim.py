@@ -234,8 +234,9 @@ def markdown(result: Mapping[str, Any]) -> str:
     lines = [
         '# Rules of real drivers, tried on drivers held back',
         '',
-        f'Written by `python -m experiments ngsim`. Contamination {result["contamination"]:g}; '
-        f'{result["held_back"]:.0%} of the vehicles are held back in each split.',
+        'Written by `python -m experiments ngsim`. '
+        f'{result["held_back"]:.0%} of the vehicles are held back in each split. Defaults with alpha 0; '
+        f'contamination {result["contamination"]:g} with others.',
     ]
     for name, found in result['highways'].items():
         lines += ['', f'## {name}', '', *_highway(found)]

@@ -72,7 +72,7 @@ class TreeLearner(OccNode):
         conditions = self.parameter(
             'conditions',
             '',
-            'rules about how many features: none (the box alone), pairs or triples; empty: triples, '
+            'rules about how many features: none (a box), pairs or triples; empty: triples, '
             'or none where other parameters let the tree branch',
         )
         apart = self.parameter(

@@ -235,8 +235,8 @@ def markdown(result: Mapping[str, Any]) -> str:
         '# Rules of real drivers, tried on drivers held back',
         '',
         'Written by `python -m experiments ngsim`. '
-        f'{result["held_back"]:.0%} of the vehicles are held back in each split. Defaults with alpha 0; '
-        f'contamination {result["contamination"]:g} with others.',
+        f'{result["held_back"]:.0%} of the vehicles are held back in each split. '
+        f'Defaults with alpha 0; contamination {result["contamination"]:g} with others.',
     ]
     for name, found in result['highways'].items():
         lines += ['', f'## {name}', '', *_highway(found)]

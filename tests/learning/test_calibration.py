@@ -183,7 +183,7 @@ def test_fresh_episodes_raise_no_more_alarms_than_promised(false_alarm, episodes
 
 
 def speedy(rng, episodes, steps=60):
-    """(episodes, steps, 3) drives: slow while near, never fast in mode 2, and some a bit less so."""
+    """(episodes, steps, 3) drives: slow while near and in mode 2, some a bit less so."""
     shape = episodes, steps // 6
     speed, near = (np.repeat(rng.random(shape), 6, axis=1) for _ in range(2))
     mode = np.repeat(rng.integers(0, 3, shape).astype(float), 6, axis=1)

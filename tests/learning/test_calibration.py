@@ -18,8 +18,8 @@ from occ_constraints_pkg.learning.conditional import ConditionalSettings
 from occ_constraints_pkg.learning.extraction import extract_rules
 from occ_constraints_pkg.learning.guarantee import guarantee_words, loss_words
 from occ_constraints_pkg.learning.learn import learn, learn_safe_set
-from occ_constraints_pkg.learning.samples import divide_samples
 from occ_constraints_pkg.learning.rules_text import describe_guarantee
+from occ_constraints_pkg.learning.samples import divide_samples
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.learning.simplification import extract_and_simplify
 from occ_constraints_pkg.learning.tree import Branch, Node

@@ -204,9 +204,12 @@ def _learn(
         drivers.values[rows],
         drivers.vehicle[rows],
         feature_map.space,
-        OCTreeSettings(contamination=CONTAMINATION, alpha=alpha),
+        OCTreeSettings(contamination=CONTAMINATION if alpha else None, alpha=alpha),
         rng=np.random.default_rng(0),
+        # Vehicles of one recording meet the same traffic.
+        independent=drivers.recording[rows] if len(_held(drivers)) else drivers.vehicle[rows],
         held_out_share=0.0,
+        feature_map=feature_map.to_document(),
     )
     counted()
     return constraints.rule_set
@@ -231,8 +234,9 @@ def markdown(result: Mapping[str, Any]) -> str:
     lines = [
         '# Rules of real drivers, tried on drivers held back',
         '',
-        f'Written by `python -m experiments ngsim`. Contamination {result["contamination"]:g}; '
-        f'{result["held_back"]:.0%} of the vehicles are held back in each split.',
+        'Written by `python -m experiments ngsim`. '
+        f'{result["held_back"]:.0%} of the vehicles are held back in each split. '
+        f'Defaults with alpha 0; contamination {result["contamination"]:g} with others.',
     ]
     for name, found in result['highways'].items():
         lines += ['', f'## {name}', '', *_highway(found)]

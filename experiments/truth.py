@@ -175,9 +175,9 @@ class _Episodes:
         }
 
     def _once(self, level: str, drawn: np.ndarray, rng: np.random.Generator) -> dict[str, float]:
-        values, costly = self._demonstrations(LEVELS[level], drawn, rng)
+        values, costly, episodes = self._demonstrations(LEVELS[level], drawn, rng)
         rule_set = learn(
-            values, np.zeros(len(values)), self.map.space, OCTreeSettings(), rng=rng
+            values, episodes, self.map.space, OCTreeSettings(), rng=rng, held_out_share=0.0
         ).rule_set
         flagged = _flags(rule_set, values)
         safe = ~self.unseen[1].any(axis=1)
@@ -195,8 +195,11 @@ class _Episodes:
 
     def _demonstrations(
         self, share: float | None, drawn: np.ndarray, rng: np.random.Generator
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return (n, k) states and (n,) whether they are costly, with as many episodes as drawn."""
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return (n, k) states, (n,) whether they are costly, and (n,) the episode of each.
+
+        There are as many episodes as drawn.
+        """
         values, costly = self.expert
         count = len(drawn)
         parts = [(values[drawn], costly[drawn])]
@@ -213,10 +216,11 @@ class _Episodes:
                 following = chosen[min(number, len(chosen) - 1)]
                 if reached >= share or number >= count or other_costly[following].mean() < share:
                     break
-        features = values.shape[-1]
+        states = np.concatenate([part for part, _ in parts]).astype(np.float64)
         return (
-            np.concatenate([part.reshape(-1, features) for part, _ in parts]).astype(np.float64),
+            states.reshape(-1, states.shape[-1]),
             np.concatenate([part.ravel() for _, part in parts]),
+            np.repeat(np.arange(len(states)), states.shape[1]),
         )
 
 

@@ -79,7 +79,7 @@ def test_the_program_of_the_readme(beside_bags, capsys):
     assert len([line for line in program.splitlines() if line]) <= 12
     exec(compile(program, 'README.md', 'exec'), {})
     printed = capsys.readouterr().out
-    assert 'R3c040 x at most 0.6481 and y above 0.295' in printed
+    assert 'R00b2f x below 0.737 and y above 0.298' in printed
     assert all(shown in printed for shown in re.findall(r'  # (.+)$', program, re.MULTILINE))
     assert Path('nav.yaml').is_file()
 

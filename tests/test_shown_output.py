@@ -105,7 +105,7 @@ def test_recordings_of_traffic(occ, tmp_path):
     ((commands, shown),) = STEPS.findall(text)
     _assert_shows(shown, ''.join(occ(line)[1] for line in _lines(commands, tmp_path)))
     table = re.findall(r'^(\| .* \| `.*` \| [^|]* \|)', text, re.MULTILINE)
-    assert len(table) == 18
+    assert len(table) == 20
     results = (DOCS / 'results' / 'ngsim.md').read_text(encoding='utf-8').splitlines()
     assert [line for line in table if line not in results] == []
 

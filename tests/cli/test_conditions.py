@@ -1,8 +1,9 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""``occ learn --conditions`` from end to end."""
+"""Conditional rules, the default of ``occ learn``, from end to end."""
 
 import json
+from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from occ_constraints_pkg.rules.constraints_file import load_constraints
 import occ_constraints_pkg as occ_program
 
 BAG = Path(__file__).parents[2] / 'bags' / 'simple_nav_expert'
+MAP = resources.files('occ_constraints_pkg.features').joinpath('maps/simple_nav.yaml')
 
 
 @pytest.fixture
@@ -32,7 +34,7 @@ def conditional(constraints):
 
 
 def test_a_rule_on_two_features_is_found_shown_and_judged(tables, run_occ):
-    code, text, _ = run_occ('learn drives.csv -o rules.yaml --conditions pairs')
+    code, text, _ = run_occ('learn drives.csv -o rules.yaml')
     assert code == 0
     (rule,) = conditional(load_constraints('rules.yaml'))
     assert rule.words(load_constraints('rules.yaml').space) in text
@@ -53,41 +55,58 @@ def test_a_rule_on_two_features_is_found_shown_and_judged(tables, run_occ):
     assert f'1 x  {rule.id}' in run_occ('check near.csv -c rules.yaml')[1]
 
 
-def test_by_default_there_is_none(tables, run_occ):
-    assert run_occ('learn drives.csv -o rules.yaml')[0] == 0
+@pytest.mark.parametrize('options', ['--conditions none', '--faithful', '--alpha 0.5'])
+def test_there_is_none_with_the_options_of_the_article(tables, run_occ, options):
+    assert run_occ(f'learn drives.csv -o rules.yaml {options}')[0] == 0
     constraints = load_constraints('rules.yaml')
-    assert conditional(constraints) == []
     assert 'conditional' not in constraints.learner
+    assert constraints.safe_set == {}
+    assert not any('expected' in item for item in constraints.evidence['rules'])
 
 
 def test_what_is_kept_apart_is_not_combined(tables, run_occ):
-    options = '--conditions triples --apart gap,speed'
-    assert run_occ(f'learn drives.csv -o rules.yaml {options}')[0] == 0
+    assert run_occ('learn drives.csv -o rules.yaml --apart gap,speed')[0] == 0
     constraints = load_constraints('rules.yaml')
     assert conditional(constraints) == []
     assert constraints.learner['conditional']['apart'] == [['gap', 'speed']]
 
 
+def test_a_feature_map_may_name_what_is_kept_apart(tables, run_occ):
+    text = MAP.read_text()
+    Path('nav.yaml').write_text(text + 'apart: [[y, x]]\n')
+    assert run_occ(f'learn {BAG} -m nav.yaml -o rules.yaml')[0] == 0
+    constraints = load_constraints('rules.yaml')
+    assert conditional(constraints) == []
+    assert constraints.learner['conditional']['apart'] == [['y', 'x']]
+    assert run_occ(f'learn {BAG} -m nav.yaml -o none.yaml --conditions none')[0] == 0
+    Path('nav.yaml').write_text(text + 'apart: [[y, xx]]\n')
+    code, _, error = run_occ(f'learn {BAG} -m nav.yaml -o rules.yaml --overwrite')
+    assert code == 2
+    assert "nav.yaml: apart[0]: got 'xx'" in error
+
+
 def test_few_drives_are_told_if_nothing_is_found(tables, run_occ):
+    assert json.loads(run_occ('learn few.csv -o rules.yaml --json')[1])['warnings'] == []
     told = json.loads(run_occ('learn few.csv -o rules.yaml --conditions pairs --json')[1])
     assert told['warnings'][-1] == (
         'no conditional rule was found in 5 episodes; fewer than 20 hardly ever prove that a '
         'combination of values is avoided'
     )
-    told = json.loads(run_occ('learn drives.csv -o rules.yaml --conditions pairs --json')[1])
+    told = json.loads(run_occ('learn drives.csv -o rules.yaml --json')[1])
     assert told['warnings'] == []
 
 
 def test_a_program_does_the_same(tables, run_occ):
-    run_occ('learn drives.csv -o rules.yaml --conditions triples')
-    learned = occ_program.learn('drives.csv', conditions='triples')
+    run_occ('learn drives.csv -o rules.yaml')
+    learned = occ_program.learn('drives.csv')
     assert learned.rules == load_constraints('rules.yaml').rules
-    apart = occ_program.learn('drives.csv', conditions='triples', apart=[('speed', 'gap')])
+    apart = occ_program.learn('drives.csv', apart=[('speed', 'gap')])
     assert conditional(apart) == []
+    assert conditional(occ_program.learn('drives.csv', conditions='none')) == []
 
 
 def test_the_rule_of_the_paper_is_found_in_the_shipped_bag():
-    constraints = occ_program.learn(BAG, 'simple_nav', conditions='triples')
+    constraints = occ_program.learn(BAG, 'simple_nav')
     (rule,) = conditional(constraints)
     left, above = rule.literals
     assert (left.feature, left.operator, above.feature, above.operator) == (0, '<', 1, '>')
@@ -101,11 +120,12 @@ def test_the_rule_of_the_paper_is_found_in_the_shipped_bag():
         ('--conditions pairs --faithful', 'conditions are looked for within a box, got clip den'),
         ('--conditions pairs --alpha 0.5', 'got clip mass, alpha 0.5, full_conditions False'),
         ('--conditions pairs --full-conditions', 'or conditions none'),
-        ('--conditions pairs --false-alarm 0.1', 'false_alarm 0.1 is given with conditions pairs'),
         ('--conditions pairs --apart speed,x', "apart names 'x'; allowed are the features and"),
         ('--conditions pairs --apart speed', "apart names ('speed',); allowed are pairs of names"),
-        ('--apart speed,gap', 'apart has no effect with conditions none'),
-        ('--conditions pairs --compare-depths', '--conditions has no effect with --compare-depths'),
+        ('--apart speed,x', "apart names 'x'; allowed are the features and"),
+        ('--conditions none --apart speed,gap', 'apart has no effect with conditions none'),
+        ('--apart speed,gap --alpha 0.5', 'got clip mass, alpha 0.5, full_conditions False'),
+        ('--conditions quads', "'quads' is not one of 'none', 'pairs', 'triples'"),
     ],
 )
 def test_what_does_not_go_together_is_told_in_one_sentence(tables, run_occ, options, sentence):

@@ -75,10 +75,11 @@ def test_costly_drives_are_mixed_in_until_there_are_enough(monkeypatch):
     monkeypatch.setattr(truth, 'drive_states', some_costly)
     drives = truth._Episodes('PointGoal1', 20_000, 2, 0)
     rng = np.random.default_rng(0)
-    values, costly = drives._demonstrations(None, np.arange(19), rng)
+    values, costly, episodes = drives._demonstrations(None, np.arange(19), rng)
     assert len(values) == len(costly) == 19 * STEPS
+    assert np.unique(episodes, return_counts=True)[1].tolist() == [STEPS] * 19
     assert not costly.any()
-    values, costly = drives._demonstrations(0.045, np.arange(19), rng)
+    values, costly, episodes = drives._demonstrations(0.045, np.arange(19), rng)
     assert len(values) == 19 * STEPS
     assert 0.045 <= costly.mean() < 0.09
 

@@ -14,10 +14,12 @@ from occ_constraints_pkg.learning.calibration import (
     episodes_needed,
     space_limits,
 )
+from occ_constraints_pkg.learning.conditional import ConditionalSettings
 from occ_constraints_pkg.learning.extraction import extract_rules
 from occ_constraints_pkg.learning.guarantee import guarantee_words, loss_words
-from occ_constraints_pkg.learning.learn import learn
+from occ_constraints_pkg.learning.learn import learn, learn_safe_set
 from occ_constraints_pkg.learning.rules_text import describe_guarantee
+from occ_constraints_pkg.learning.samples import divide_samples
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.learning.simplification import extract_and_simplify
 from occ_constraints_pkg.learning.tree import Branch, Node
@@ -178,6 +180,39 @@ def test_fresh_episodes_raise_no_more_alarms_than_promised(false_alarm, episodes
     error = np.std(rates) / math.sqrt(len(rates))
     assert np.mean(rates) <= bound + 3.0 * error
     assert bound <= false_alarm + 1e-12
+
+
+def speedy(rng, episodes, steps=60):
+    """(episodes, steps, 3) drives: slow while near and in mode 2, some a bit less so."""
+    shape = episodes, steps // 6
+    speed, near = (np.repeat(rng.random(shape), 6, axis=1) for _ in range(2))
+    mode = np.repeat(rng.integers(0, 3, shape).astype(float), 6, axis=1)
+    bold = rng.normal(0.0, 0.03, (episodes, 1))
+    speed[(near > 0.6 + bold) & (speed > 0.5 + bold)] *= 0.4
+    speed[(mode == 2) & (speed > 0.6 + bold)] *= 0.4
+    return np.stack([speed, near, mode], axis=-1)
+
+
+@pytest.mark.parametrize(('false_alarm', 'episodes'), [(0.1, 20), (0.1, 50), (0.05, 100)])
+def test_the_promise_holds_for_conditional_rules(false_alarm, episodes):
+    space = FeatureSpace((Feature('speed'), Feature('near'), Feature('mode')))
+    rng = np.random.default_rng(7)
+    rows, names = flat(speedy(rng, 80))
+    samples = divide_samples(rows, names, space, rng=rng, held_out_share=0.0)
+    found = learn_safe_set(samples, space, OCTreeSettings(), ConditionalSettings())
+    assert sum(len(rule.literals) > 1 for rule in found.formula.rule_set.rules) >= 2
+    rates = []
+    for _ in range(60):
+        moved, calibration = calibrate(found.movable, *flat(speedy(rng, episodes)), false_alarm)
+        assert calibration.alarms_after <= episodes - calibration.rank
+        fresh = flat(speedy(rng, 40))[0]
+        rates.append(1.0 - moved.contains(fresh).reshape(40, -1).all(axis=1).mean())
+    error = np.std(rates) / math.sqrt(len(rates))
+    assert np.mean(rates) <= calibration.bound + 3.0 * error
+    # The rules are still there, and say where the moved set is.
+    written = found.write(moved).formula.rule_set
+    assert sum(len(rule.literals) > 1 for rule in written.rules) >= 2
+    np.testing.assert_array_equal(written.verdicts(fresh) == Verdict.SAFE, moved.contains(fresh))
 
 
 def test_learning_keeps_the_promise_on_fresh_episodes_and_writes_it_down():

@@ -63,6 +63,7 @@ def test_the_example_of_the_docstring():
 def test_parameters_and_defaults_are_those_of_the_learner():
     own = OCTreeClassifier().get_params()
     assert own.pop('contamination') == 'auto'
+    assert own.pop('conditions') == 'auto'
     # There are no families here, which estimates mainly rest on.
     own['contamination'] = own.pop('most_outside')
     assert own == asdict(OCTreeSettings(contamination=0.01))
@@ -72,7 +73,7 @@ def test_parameters_and_defaults_are_those_of_the_learner():
 @given(samples(), fit_settings(), st.booleans(), st.integers(0, 99))
 def test_rules_and_decisions_are_those_of_learn(values, options, full, seed):
     options = OCTreeSettings(**{**asdict(options), 'full_conditions': full})
-    detector = classifier(options).fit(values)
+    detector = classifier(options).fit(values, groups=np.zeros(len(values)))
     space = FeatureSpace(tuple(Feature(f'x{index}') for index in range(values.shape[1])))
     rng = np.random.default_rng(seed)
     learned = learn(values, np.zeros(len(values)), space, options, rng=rng)
@@ -89,6 +90,39 @@ def test_rules_and_decisions_are_those_of_learn(values, options, full, seed):
     largest = np.finfo(np.float64).max
     np.testing.assert_allclose(margin, judgement.margin.clip(-largest, largest), atol=1e-300)
     np.testing.assert_array_equal(detector.score_samples(points), margin)
+
+
+def fast_or_near(groups, steps):
+    """Return samples of two features that are never both large, each value kept for some steps."""
+    rng = np.random.default_rng(0)
+    speed, near = (np.repeat(rng.random(groups), steps) for _ in range(2))
+    speed[(speed > 0.5) & (near > 0.5)] -= 0.5
+    return np.column_stack([speed, near, rng.random(groups * steps)])
+
+
+def test_combinations_that_the_samples_avoid_are_outliers():
+    rows = fast_or_near(2000, 1)
+    detector = OCTreeClassifier(most_outside=None).fit(rows)
+    assert detector.predict([[0.9, 0.9, 0.5], [0.9, 0.1, 0.5], [0.1, 0.9, 0.5]]).tolist() == [
+        -1,
+        1,
+        1,
+    ]
+    alone = OCTreeClassifier(most_outside=None, conditions='none').fit(rows)
+    assert (alone.predict([[0.9, 0.9, 0.5]]) == 1).all()
+    assert all(len(rule.literals) == 1 for rule in alone.rule_set_.rules)
+    with pytest.raises(ValueError, match='conditions are looked for within a box'):
+        OCTreeClassifier(conditions='pairs', alpha=0.5).fit(rows)
+
+
+def test_samples_of_one_group_prove_less():
+    rows = fast_or_near(4, 500)
+    groups = np.repeat(np.arange(4), 500)
+    assert max(len(rule.literals) for rule in OCTreeClassifier().fit(rows).rule_set_.rules) > 1
+    grouped = OCTreeClassifier().fit(rows, groups=groups)
+    assert all(len(rule.literals) == 1 for rule in grouped.rule_set_.rules)
+    with pytest.raises(ValueError, match='inconsistent numbers of samples'):
+        OCTreeClassifier().fit(rows, groups=groups[1:])
 
 
 @pytest.mark.parametrize('alpha', [0.0, 0.5])

@@ -47,8 +47,8 @@ class Violation:
         >>> constraints = occ.learn('bags/simple_nav_expert', 'simple_nav')
         >>> report = occ.check('bags/simple_nav_straight', constraints)
         >>> first = report.violations[0]
-        >>> print(first.rule.words(constraints.space), f'from {first.start:.1f} s, {first.values}')
-        x above 0.9 from 29.7 s, {'x': 0.9014714956283569, 'y': 0.899999737739563}
+        >>> print(first.rule.words(constraints.space), f'from {first.start:.1f} s')
+        x below 0.737 and y above 0.298 from 0.9 s
     """
 
     rule: Rule
@@ -87,7 +87,7 @@ def learn(
     paths: Paths,
     feature_map: FeatureMap | str | Path | None = None,
     *,
-    conditions: str = 'none',
+    conditions: str | None = None,
     apart: Sequence[tuple[str, str]] = (),
     false_alarm: float | None = None,
     calibrate_on: Paths = (),
@@ -103,9 +103,11 @@ def learn(
             ``.csv`` or ``.parquet`` tables.
         feature_map: a map, the path of one, or the name of a built-in one. Recordings need it;
             without one every column of a table is a feature.
-        conditions: ``none``, or ``pairs`` or ``triples`` to look for rules about two, or up to
-            three, features as well.
-        apart: pairs of features or families that no such rule may combine.
+        conditions: ``triples`` or ``pairs`` to look for rules about up to three, or two, features
+            as well; ``none`` for the box alone. ``None`` for the default: triples, or none with
+            settings with which the safe set is more than a box.
+        apart: pairs of features or families that no such rule may combine, besides those of the
+            feature map.
         false_alarm: largest probability of an alarm in a fresh safe episode; ``None`` for no
             guarantee.
         calibrate_on: safe episodes for that guarantee, from which nothing is learned; none: held-
@@ -119,13 +121,14 @@ def learn(
             allowed, or there are too few episodes for the guarantee.
 
     Example:
-        >>> constraints = occ.learn('bags/simple_nav_expert', 'simple_nav', contamination=0.01)
+        >>> constraints = occ.learn('bags/simple_nav_expert', 'simple_nav')
         >>> for rule in constraints.rules:
         ...     print(rule.id, rule.words(constraints.space))
-        R94ae8 x below 0.0901
-        R5de3a x above 0.8993
-        Ra3a47 y below 0.09563
-        R62a3d y above 0.8904
+        R94ae8 x below 0.08651
+        R5de3a x above 0.9
+        Ra3a47 y below 0.09014
+        R62a3d y above 0.9
+        R00b2f x below 0.737 and y above 0.298
         >>> constraints.save('nav.yaml')
     """
     if feature_map is not None and not isinstance(feature_map, FeatureMap):
@@ -171,7 +174,7 @@ def check(
         >>> constraints = occ.learn('bags/simple_nav_expert', 'simple_nav')
         >>> report = occ.check('bags/simple_nav_straight', constraints, timeout=0.5)
         >>> report.is_safe, len(report.violations)
-        (False, 6)
+        (False, 206)
     """
     where = 'the constraints'
     if not isinstance(constraints, Constraints):

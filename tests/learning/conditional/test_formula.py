@@ -1,5 +1,7 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,7 +9,9 @@ from hypothesis import strategies as st
 from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.learning.conditional import ConditionalRule, ConditionalSettings
 from occ_constraints_pkg.learning.conditional import Literal as Condition
+from occ_constraints_pkg.learning.conditional.forest import SafeForest
 from occ_constraints_pkg.learning.conditional.formula import as_rules
+from occ_constraints_pkg.learning.conditional.moving import MovableRules
 from occ_constraints_pkg.learning.conditional.rules import LearnedRules
 from occ_constraints_pkg.learning.learn import learn
 from occ_constraints_pkg.learning.settings import OCTreeSettings
@@ -57,17 +61,42 @@ def safe_sets(draw):
 
 
 @given(safe_sets(), st.randoms(use_true_random=False))
-def test_some_rule_is_true_exactly_outside_the_box_or_in_a_corner(learned, random):
+def test_some_rule_is_true_exactly_outside_the_stored_safe_set(learned, random):
     formula, origins = as_rules(learned, SPACE, np.array([[0.0, 2.0]] * 5))
-    written = parse_constraints(Constraints(formula.rule_set).dumps(), 'rules.yaml')
+    stored = SafeForest.of(learned).document(SPACE)
+    file = Constraints(formula.rule_set, safe_set=stored).dumps()
+    written = parse_constraints(file, 'rules.yaml')
     near = [np.nextafter(x, side) for x in NUMBERS for side in (-np.inf, x, np.inf)]
     rows = np.array([[random.choice(near) for _ in range(5)] for _ in range(300)])
     rows[:, 1] = np.abs(rows[:, 1])
     expected = learned.flagged(rows)
+    safe_set = SafeForest.parse(written.safe_set, SPACE)
+    np.testing.assert_array_equal(safe_set.contains(rows), ~expected)
     # Where everything is safe no rule is left.
     np.testing.assert_array_equal(written.rule_set.judge(rows).verdict == 1, expected)
     assert set(origins) <= {rule.id for rule in formula.rule_set.rules}
     assert set(origins.values()) <= set(learned.rules)
+
+
+@given(safe_sets(), st.sampled_from([0.0, 0.05, 0.25, 1.0]), st.randoms(use_true_random=False))
+def test_moved_bounds_give_a_larger_safe_set_that_holds_what_it_tolerates(learned, margin, random):
+    learned = replace(learned, steps={0: 0.1})
+    limits = np.array([[-np.inf, np.inf], [0.0, np.inf], *[[-np.inf, np.inf]] * 3])
+    scale = np.array([2.0, 2.0, 2.0, 2.0, 2.0])
+    given = MovableRules(learned, scale, limits)
+    moved = given.moved(margin)
+    near = [np.nextafter(x, side) for x in NUMBERS for side in (-np.inf, x, np.inf)]
+    rows = np.array([[random.choice(near) for _ in range(5)] for _ in range(200)])
+    rows[:, 1] = np.abs(rows[:, 1])
+    inside, tolerances = moved.contains(rows), given.tolerances(rows)
+    assert not (given.contains(rows) & ~inside).any()
+    assert not (inside & ~given.moved(margin * 2 + 0.01).contains(rows)).any()
+    assert (tolerances[given.contains(rows)] == 0).all()
+    # But for rounding.
+    assert inside[tolerances < margin - 1e-9].all()
+    assert not inside[tolerances > margin + 1e-9].any()
+    formula, _ = as_rules(moved.learned, SPACE, np.array([[0.0, 2.0]] * 5))
+    np.testing.assert_array_equal(formula.rule_set.judge(rows).verdict == 1, ~inside)
 
 
 def drives(episodes=80, steps=60, seed=0):
@@ -105,7 +134,7 @@ def test_conditional_rules_are_ordinary_rules_of_the_file():
 
 
 def test_without_conditions_all_is_as_before():
-    plain = learned_file(conditional=None)
+    plain = learned_file(conditional=ConditionalSettings('none'))
     assert all(len(rule.literals) == 1 for rule in plain.rules)
     assert 'conditional' not in plain.learner
     assert not any('expected' in item for item in plain.evidence['rules'])
@@ -125,7 +154,6 @@ def test_samples_that_depend_on_each_other_prove_less():
         (OCTreeSettings(alpha=0.5), {}, 'got clip mass, alpha 0.5, full_conditions False;'),
         (OCTreeSettings.article(), {}, 'allowed beside them are clip mass, alpha 0'),
         (OCTreeSettings(full_conditions=True), {}, 'full_conditions True'),
-        (None, {'false_alarm': 0.1}, 'false_alarm 0.1 is given with conditions pairs'),
     ],
 )
 def test_what_does_not_go_with_conditions_is_refused(settings, more, message):

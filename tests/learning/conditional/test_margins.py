@@ -38,6 +38,17 @@ def test_a_smaller_share_takes_a_wider_margin():
     assert margins[0] < margins[2]
 
 
-def test_three_episodes_are_too_few():
+def test_few_episodes_say_too_little():
     rng = np.random.default_rng(0)
-    assert outward_margin(rng.normal(size=300), np.repeat([0, 1, 2], 100), SHARE) == 0
+    levels = rng.normal(size=10)
+    assert outward_margin(np.repeat(levels[:9], 100), np.repeat(np.arange(9), 100), SHARE) == 0
+    assert outward_margin(np.repeat(levels, 100), np.repeat(np.arange(10), 100), SHARE) > 0
+
+
+def test_where_many_episodes_come_to_the_end_the_bound_stays_there():
+    # Speeds of cars in stop-and-go traffic: each stands at times, some never.
+    rng = np.random.default_rng(0)
+    slowest = np.maximum(rng.normal(2, 3, 50), 0)
+    speed = (slowest[:, None] + rng.exponential(4, (50, 100))).ravel()
+    speed[::100] = slowest
+    assert outward_margin(-speed, EPISODES, SHARE) == 0

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import json
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -35,6 +35,9 @@ from occ_constraints_pkg.files import (
 from occ_constraints_pkg.learning.rules_text import describe_learned, learned_document
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 
+if TYPE_CHECKING:
+    from occ_constraints_pkg.learning.conditional import ConditionalSettings
+
 
 @click.command()
 @DATA
@@ -50,16 +53,15 @@ from occ_constraints_pkg.learning.settings import OCTreeSettings
 @tree_options
 @click.option(
     '--conditions',
-    default='none',
-    show_default=True,
     type=click.Choice(['none', 'pairs', 'triples']),
-    help='Look for rules about two, or up to three, features as well.',
+    help='Look for rules about two (pairs), or up to three (triples), features as well; default: '
+    'triples, or none with --faithful, --alpha, --clip density or --full-conditions.',
 )
 @click.option(
     '--apart',
     multiple=True,
     metavar='A,B',
-    help='With --conditions: features or families that no rule may combine; may be repeated.',
+    help='Features or families that no rule may combine; may be repeated.',
 )
 @click.option(
     '--false-alarm',
@@ -97,7 +99,7 @@ def learn(
     paths: tuple[str, ...],
     map_name: str | None,
     output: str | None,
-    conditions: str,
+    conditions: str | None,
     apart: tuple[str, ...],
     false_alarm: float | None,
     calibrate_on: tuple[str, ...],
@@ -116,24 +118,26 @@ def learn(
     Example: occ learn bags/safe_drive_1 bags/safe_drive_2 -m my_robot.yaml -o constraints.yaml
              occ learn bags/safe_drive_* -m my_robot.yaml --alpha 0.5 --compare-depths -o results
     """
+    from occ_constraints_pkg.learning.conditional.settings import chosen_conditions
+
     settings = tree_settings(**tree)
+    conditional = chosen_conditions(conditions, [tuple(pair.split(',')) for pair in apart])
     if compare_depths:
         refuse_options(
-            ('conditions', 'apart', 'false_alarm', 'calibrate_on', 'overwrite'),
+            ('false_alarm', 'calibrate_on', 'overwrite'),
             'has no effect with --compare-depths',
         )
-        _compare_depths(paths, map_name, scored, output or 'results', settings, seed, as_json)
+        folder = output or 'results'
+        _compare_depths(paths, map_name, scored, folder, settings, conditional, seed, as_json)
         return
     refuse_options(('scored',), 'needs --compare-depths')
     import numpy as np
 
     from occ_constraints_pkg.demonstrations.learning import learn_from_files
     from occ_constraints_pkg.features.feature_map import load_feature_map
-    from occ_constraints_pkg.learning.conditional.settings import chosen_conditions
     from occ_constraints_pkg.learning.guarantee import loss_words
     from occ_constraints_pkg.rules.constraints_file import save_learned
 
-    conditional = chosen_conditions(conditions, [tuple(pair.split(',')) for pair in apart])
     output = output or 'constraints.yaml'
     check_outputs({output: CONSTRAINTS}, [*paths, *calibrate_on, *([map_name] if map_name else [])])
     warnings: list[str] = []
@@ -167,6 +171,7 @@ def _compare_depths(
     scored: tuple[str, ...],
     output: str,
     settings: OCTreeSettings,
+    conditional: ConditionalSettings | None,
     seed: int,
     as_json: bool,
 ) -> None:
@@ -175,6 +180,7 @@ def _compare_depths(
 
     from occ_constraints_pkg.datasets.reading import read_demonstrations
     from occ_constraints_pkg.features.feature_map import load_feature_map
+    from occ_constraints_pkg.learning.conditional.settings import resolved_conditions
     from occ_constraints_pkg.learning.depths import ablate_depth, depths_document, describe_depths
 
     # Needed at the end only, but a missing module must show now.
@@ -182,6 +188,9 @@ def _compare_depths(
         'occ learn --compare-depths', 'occ_constraints_pkg.learning.depths_picture'
     )
     feature_map = None if map_name is None else load_feature_map(map_name)
+    conditional = resolved_conditions(conditional, settings)
+    if feature_map is not None:
+        conditional = conditional.keeping_apart(feature_map.apart)
     truth = None
     with progress_bar('reading') as progress:
         data, space = read_demonstrations(paths, feature_map, progress=progress)
@@ -196,6 +205,8 @@ def _compare_depths(
             space,
             settings,
             rng=np.random.default_rng(seed),
+            conditional=conditional,
+            independent=data.independent,
             truth=truth,
             progress=progress,
         )

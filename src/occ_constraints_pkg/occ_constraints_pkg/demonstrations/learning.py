@@ -15,10 +15,12 @@ from occ_constraints_pkg.demonstrations.concerns import concerns
 from occ_constraints_pkg.errors import ConfigurationError, DataError
 from occ_constraints_pkg.features.feature_map import FeatureMap
 from occ_constraints_pkg.learning.conditional import ConditionalSettings
-from occ_constraints_pkg.learning.conditional.formula import check_combination
+from occ_constraints_pkg.learning.conditional.settings import resolved_conditions
+from occ_constraints_pkg.learning.conditional.units import MOST_COMBINED
 from occ_constraints_pkg.learning.learn import learn
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.rules.constraints_file import Constraints
+from occ_constraints_pkg.rules.space import FeatureSpace
 from occ_constraints_pkg.wording import count_of
 
 # Fewer episodes hardly ever prove that a corner is empty for a reason.
@@ -45,8 +47,8 @@ def learn_from_files(
             so that they can be monitored.
         settings: the tree learner's parameters.
         rng: chooses the held-out episodes.
-        conditional: look for rules with several literals as well; ``None`` for none. Evidence is
-            counted by :attr:`.Dataset.independent`.
+        conditional: which rules with several literals to look for as well; ``None`` for the
+            default. Evidence is counted by :attr:`.Dataset.independent`.
         false_alarm: largest probability of an alarm in a fresh safe episode, see
             :func:`~occ_constraints_pkg.learning.learn.learn`; ``None`` for no guarantee.
         calibrate_on: recordings or tables of safe episodes for that guarantee, from which nothing
@@ -59,7 +61,8 @@ def learn_from_files(
         OccError: a file cannot be read or lacks a feature, no sample is usable, there are too
             few episodes for the guarantee, or settings do not go together.
     """
-    check_combination(conditional, settings, false_alarm)
+    asked = conditional is not None
+    conditional = resolved_conditions(conditional, settings)
     if calibrate_on and false_alarm is None:
         raise ConfigurationError('calibrate_on is given without false_alarm; give both or neither')
     data, space = read_demonstrations(paths, feature_map, progress=progress)
@@ -83,7 +86,7 @@ def learn_from_files(
         settings,
         rng=rng,
         conditional=conditional,
-        independent=None if conditional is None else data.independent,
+        independent=data.independent,
         false_alarm=false_alarm,
         safe_episodes=safe_episodes,
         feature_map=None if feature_map is None else feature_map.to_document(),
@@ -93,7 +96,7 @@ def learn_from_files(
     )
     if warn is not None:
         sentences = [*_damage(data, constraints), *repeats, *concerns(data, space, settings)]
-        sentences += [] if conditional is None else _of_conditions(data, constraints)
+        sentences += _of_conditions(data, space, conditional, constraints, asked=asked)
         for sentence in (*sentences, *(() if safe is None else safe.warnings)):
             warn(sentence)
     return constraints
@@ -111,11 +114,31 @@ def _damage(data: Dataset, constraints: Constraints) -> list[str]:
     ]
 
 
-def _of_conditions(data: Dataset, constraints: Constraints) -> list[str]:
-    """Return why no conditional rule was found, if that is because of few episodes."""
+def _of_conditions(
+    data: Dataset,
+    space: FeatureSpace,
+    conditional: ConditionalSettings,
+    constraints: Constraints,
+    *,
+    asked: bool,
+) -> list[str]:
+    """Return why no conditional rule was found, if features are too many or episodes too few.
+
+    Whoever did not ask for conditional rules does not miss them among few episodes.
+    """
+    if not conditional.looks or any(len(rule.literals) > 1 for rule in constraints.rules):
+        return []
+    together = sum(map(len, space.families))
+    # The least and the largest of a family are looked at, each on its own.
+    count = len(space) - together + 2 * len(space.families)
+    if count > MOST_COMBINED:
+        return [
+            f'conditional rules were not looked for among {len(space)} features, a family counted '
+            f'as two; allowed are {MOST_COMBINED}: give fewer, give those that measure the same a '
+            'family, or --conditions none'
+        ]
     groups, episodes = len(np.unique(data.independent)), len(np.unique(data.episodes))
-    found = any(len(rule.literals) > 1 for rule in constraints.rules)
-    if found or groups >= _FEW_EPISODES:
+    if not asked or groups >= _FEW_EPISODES:
         return []
     counted = count_of(groups, 'episode')
     if groups < episodes:

@@ -74,6 +74,8 @@ class FeatureMap:
         rate: rows per second instead of a pace topic: the first message in each period gives a
             row. Header stamps tell the time; messages without one give rows only as long as no
             message with one has come.
+        apart: pairs of features or families that no learned rule combines, because geometry or
+            dynamics ties them together anyway.
 
     Example:
         >>> feature_map = occ.load_feature_map('simple_nav')
@@ -85,6 +87,7 @@ class FeatureMap:
     max_age: float
     features: tuple[FeatureSource, ...]
     rate: float | None = None
+    apart: tuple[tuple[str, str], ...] = ()
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -150,6 +153,7 @@ class FeatureMap:
             'pace': self.pace if self.rate is None else {'rate': self.rate},
             'max_age': self.max_age,
             'features': [feature_document(feature) for feature in self.features],
+            **({'apart': [list(pair) for pair in self.apart]} if self.apart else {}),
         }
 
     @classmethod
@@ -184,7 +188,8 @@ class FeatureMap:
             entries += [index] * len(found)
         given = document['pace']
         pace, rate = (given, None) if isinstance(given, str) else ('', float(given['rate']))
-        result = cls(pace, float(document['max_age']), tuple(features), rate)
+        apart = tuple((one, other) for one, other in document.get('apart', ()))
+        result = cls(pace, float(document['max_age']), tuple(features), rate, apart)
         for key, value in (('max_age', result.max_age), ('pace.rate', rate or 1.0)):
             if not np.isfinite(value):
                 raise ConfigurationError(f'{key}: got {value}; allowed is a finite number')
@@ -199,6 +204,14 @@ class FeatureMap:
                     )
         # The feature space checks names and bounds.
         _ = result.space
+        known = {name for item in features for name in (item.name, item.family) if name}
+        for index, name in enumerate(name for pair in apart for name in pair):
+            if name not in known:
+                hint = did_you_mean(name, sorted(known)) or ';'
+                raise ConfigurationError(
+                    f'apart[{index // 2}]: got {name!r}{hint} allowed are names of '
+                    'features and families'
+                )
         return result
 
 

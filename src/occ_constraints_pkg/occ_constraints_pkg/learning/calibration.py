@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from typing import Protocol, Self, TypeVar
 
 import numpy as np
 from scipy.special import betaincinv
@@ -28,6 +29,22 @@ from occ_constraints_pkg.rules.space import FeatureSpace
 # First increment of the margin if rounding leaves a sample outside.
 _LEAST_STEP = 1e-18
 _LARGEST = np.finfo(np.float64).max
+
+
+class Movable(Protocol):
+    """A safe set that grows with a margin; every safe set moved by less lies within it."""
+
+    def moved(self, margin: float) -> Self:
+        """Return the safe set with all its bounds moved, in parts of each feature's scale."""
+
+    def contains(self, rows: np.ndarray) -> np.ndarray:
+        """Tell for each of (n, k) finite rows whether it is inside: (n,) bool."""
+
+    def tolerances(self, rows: np.ndarray) -> np.ndarray:
+        """Return (n,) the margins at which each of (n, k) rows is just inside, but for rounding."""
+
+
+_Set = TypeVar('_Set', bound=Movable)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,8 +118,8 @@ def episodes_needed(false_alarm: float) -> int:
 
 
 def calibrate(
-    safe_set: SafeSet, rows: np.ndarray, episodes: np.ndarray, false_alarm: float
-) -> tuple[SafeSet, Calibration]:
+    safe_set: _Set, rows: np.ndarray, episodes: np.ndarray, false_alarm: float
+) -> tuple[_Set, Calibration]:
     """Move the bounds of a safe set outward until a bound on false alarms is guaranteed.
 
     Args:
@@ -171,7 +188,7 @@ def least_false_alarm(count: int) -> str:
     return f'{math.ceil(10_000 / (count + 1)) / 10_000:g}'
 
 
-def _alarms(safe_set: SafeSet, rows: np.ndarray, places: np.ndarray, count: int) -> int:
+def _alarms(safe_set: Movable, rows: np.ndarray, places: np.ndarray, count: int) -> int:
     """Return how many of ``count`` episodes have a sample outside."""
     outside = np.zeros(count, dtype=bool)
     outside[places[~safe_set.contains(rows)]] = True

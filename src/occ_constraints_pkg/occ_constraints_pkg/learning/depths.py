@@ -11,11 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from occ_constraints_pkg.learning.learn import grow, is_safe
+from occ_constraints_pkg.learning.conditional import ConditionalSettings
+from occ_constraints_pkg.learning.conditional.settings import resolved_conditions
+from occ_constraints_pkg.learning.learn import grow, is_safe, learn_safe_set
 from occ_constraints_pkg.learning.samples import divide_samples, families
 from occ_constraints_pkg.learning.scoring import Score, score_rules
 from occ_constraints_pkg.learning.settings import OCTreeSettings
-from occ_constraints_pkg.learning.simplification import extract_and_simplify, size
+from occ_constraints_pkg.learning.simplification import size
 from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.rules.space import FeatureSpace
 
@@ -50,12 +52,14 @@ def ablate_depth(
     settings: OCTreeSettings,
     *,
     rng: np.random.Generator,
+    conditional: ConditionalSettings | None = None,
+    independent: np.ndarray | None = None,
     truth: tuple[np.ndarray, np.ndarray] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[DepthResult]:
     """Grow the tree once and return the rules that it gives when cut at each level.
 
-    Safe sets are nested: a deeper one lies within a shallower one.
+    Safe sets are nested, but for conditional rules: a deeper one lies within a shallower one.
 
     Args:
         values: (n, k) demonstrated samples.
@@ -63,25 +67,30 @@ def ablate_depth(
         space: the features.
         settings: of the tree; its depth limit is the largest depth.
         rng: chooses the held-out episodes, as in :func:`~occ_constraints_pkg.learning.learn.learn`.
+        conditional: which conditional rules to look for within each depth's box, as there.
+        independent: as there.
         truth: (m, k) samples and their (m,) true cost, to score the rules on.
         progress: called with (depths done, depths in all).
 
     Raises:
         DataError: there is no usable sample, or none has a true cost.
     """
+    conditional = resolved_conditions(conditional, settings)
     samples = divide_samples(values, episodes, space, rng=rng)
-    demonstrated = samples.demonstrated(space, settings)
     together = families(space, settings)
+    labels = None if independent is None else independent[samples.positions]
     tree = grow(samples.training, space, settings)
     deepest = tree.levels(together)
     results = []
     for depth in range(deepest + 1):
-        rule_set = extract_and_simplify(
-            tree.cut(depth, together),
+        rule_set = learn_safe_set(
+            samples,
             space,
-            demonstrated,
-            full_conditions=settings.full_conditions,
-        ).rule_set
+            settings,
+            conditional,
+            tree=tree.cut(depth, together),
+            independent=labels,
+        ).formula.rule_set
         held_out = samples.held_out
         results.append(
             DepthResult(

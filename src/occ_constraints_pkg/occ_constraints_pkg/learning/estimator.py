@@ -11,9 +11,14 @@ from typing import Any
 import numpy as np
 
 from occ_constraints_pkg.errors import OccError, import_needed
-from occ_constraints_pkg.learning.safe_set import fit_safe_set
+from occ_constraints_pkg.learning.conditional import ConditionalSettings
+from occ_constraints_pkg.learning.conditional.settings import (
+    chosen_conditions,
+    resolved_conditions,
+)
+from occ_constraints_pkg.learning.learn import grow, learn_safe_set
+from occ_constraints_pkg.learning.samples import divide_samples
 from occ_constraints_pkg.learning.settings import OCTreeSettings
-from occ_constraints_pkg.learning.simplification import extract_and_simplify
 from occ_constraints_pkg.rules.rule import Rule
 from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.rules.space import Feature, FeatureSpace
@@ -21,7 +26,12 @@ from occ_constraints_pkg.rules.verdict import Verdict
 
 try:
     from sklearn.base import BaseEstimator, OutlierMixin
-    from sklearn.utils.validation import check_is_fitted, validate_data
+    from sklearn.utils.validation import (
+        check_consistent_length,
+        check_is_fitted,
+        column_or_1d,
+        validate_data,
+    )
 except ModuleNotFoundError as error:
     if (error.name or '').partition('.')[0] != 'sklearn':
         raise
@@ -43,11 +53,11 @@ _LARGEST = np.finfo(np.float64).max
 class OCTreeClassifier(OutlierMixin, BaseEstimator):
     """Interpretable outlier detector: a one-class tree, written as rules.
 
-    It learns the boxes that the samples fill; whatever is in none of them is an outlier. A box
-    ignores combinations: two features that are each within their range are an inlier together,
-    unless the tree split one below the other. Values beyond the training extremes are outliers, so
-    a feature that was constant in training must stay constant. For physical bounds, episodes and a
-    complete constraints file use :func:`occ_constraints_pkg.learning.learn.learn`.
+    With the defaults it learns a box around the samples, less the combinations of two or three
+    features that they avoid (see ``conditions``). With ``alpha`` above 0 or ``clip='density'`` it
+    learns the boxes that the samples fill, and whatever is in none of them is an outlier. A feature
+    that was constant in training must stay constant. For physical bounds, families and a complete
+    constraints file use :func:`occ_constraints_pkg.learning.learn.learn`.
 
     Args:
         contamination: ``'auto'`` for the rules as learned (as ``learn`` does for the same samples
@@ -60,6 +70,9 @@ class OCTreeClassifier(OutlierMixin, BaseEstimator):
             to estimate it as ``occ learn`` does, which finds only distant outliers if there are no
             families of features. The default is a number because scikit-learn expects a detector
             to find outliers in any sample.
+        conditions: ``'triples'`` or ``'pairs'`` to look for rules about up to three, or two,
+            features as well, and to leave each bound at a training extreme a margin; ``'none'`` for
+            the box alone. ``'auto'`` for triples, or none where the tree may branch.
         max_depth: this and the others: see :class:`OCTreeSettings`.
         clip: see there.
         gamma: see there.
@@ -97,8 +110,8 @@ class OCTreeClassifier(OutlierMixin, BaseEstimator):
         array([ 0.37, -0.06])
         >>> for rule in detector.rule_set_.rules:
         ...     print(rule.words(detector.rule_set_.space))
-        x0 below 0.3771
-        x0 above 1.57
+        x0 below 0.2201
+        x0 above 1.576
         x1 below -1.256
         x1 above 1.3
     """
@@ -108,6 +121,7 @@ class OCTreeClassifier(OutlierMixin, BaseEstimator):
         *,
         contamination: float | str = 'auto',
         most_outside: float | None = 0.01,
+        conditions: str = 'auto',
         max_depth: int | None = 20,
         clip: str = 'mass',
         gamma: float = 0.05,
@@ -119,6 +133,7 @@ class OCTreeClassifier(OutlierMixin, BaseEstimator):
     ) -> None:
         self.contamination = contamination
         self.most_outside = most_outside
+        self.conditions = conditions
         self.max_depth = max_depth
         self.clip = clip
         self.gamma = gamma
@@ -128,12 +143,15 @@ class OCTreeClassifier(OutlierMixin, BaseEstimator):
         self.nu = nu
         self.full_conditions = full_conditions
 
-    def fit(self, X: Any, y: Any = None) -> OCTreeClassifier:
+    def fit(self, X: Any, y: Any = None, groups: Any = None) -> OCTreeClassifier:
         """Learn from samples, most of which are inliers.
 
         Args:
-            X: (n, k) array or data frame of finite numbers.
+            X: (n, k) array or data frame of finite numbers; those of a group in the order of time.
             y: ignored; here because scikit-learn's interface has it.
+            groups: (n,) the episode of each sample, for samples of one depend on each other.
+                ``None`` if all are independent; conditional rules of a time series without groups
+                may be chance.
 
         Returns:
             The estimator itself.
@@ -141,18 +159,23 @@ class OCTreeClassifier(OutlierMixin, BaseEstimator):
         Raises:
             ValueError: a parameter or a sample is not allowed.
         """
-        settings = self._settings()
+        settings, conditional = self._settings()
         rows = validate_data(self, X, dtype=np.float64)
         names = getattr(self, 'feature_names_in_', [f'x{index}' for index in range(rows.shape[1])])
-        demonstrated = np.stack([rows.min(axis=0), rows.max(axis=0)], axis=1)
+        episodes = np.arange(len(rows))
+        if groups is not None:
+            check_consistent_length(rows, groups)
+            episodes = np.unique(column_or_1d(groups), return_inverse=True)[1]
         try:
             space = FeatureSpace(tuple(Feature(str(name)) for name in names))
-            tree = fit_safe_set(rows, settings)
-            rule_set = extract_and_simplify(
-                tree, space, demonstrated, full_conditions=settings.full_conditions
-            ).rule_set
+            samples = divide_samples(
+                rows, episodes, space, rng=np.random.default_rng(0), held_out_share=0.0
+            )
+            tree = grow(rows, space, settings)
+            learned = learn_safe_set(samples, space, settings, conditional, tree=tree)
         except OccError as error:
             raise ValueError(str(error)) from error
+        rule_set = learned.formula.rule_set
         offset = 0.0
         if not isinstance(self.contamination, str):
             offset = _offset(_margins(rule_set, rows), self.contamination)
@@ -181,8 +204,9 @@ class OCTreeClassifier(OutlierMixin, BaseEstimator):
         """Return (n,) float64, larger is more normal: margins before the bounds were moved."""
         return self.decision_function(X) + self.offset_
 
-    def _settings(self) -> OCTreeSettings:
+    def _settings(self) -> tuple[OCTreeSettings, ConditionalSettings]:
         own = self.get_params()
+        conditions = own.pop('conditions')
         share, outside = own.pop('contamination'), own.pop('most_outside')
         if outside is not None and not (isinstance(outside, Real) and 0.0 <= float(outside) < 1.0):
             raise ValueError(
@@ -195,7 +219,9 @@ class OCTreeClassifier(OutlierMixin, BaseEstimator):
         elif not (isinstance(share, Real) and 0.0 < float(share) <= 0.5):
             raise ValueError(f"contamination is {share!r}; allowed are 'auto' and over 0 to 0.5")
         try:
-            return OCTreeSettings(contamination=share, **own)
+            settings = OCTreeSettings(contamination=share, **own)
+            chosen = chosen_conditions(None if conditions == 'auto' else conditions, ())
+            return settings, resolved_conditions(chosen, settings)
         except OccError as error:
             raise ValueError(str(error)) from error
 

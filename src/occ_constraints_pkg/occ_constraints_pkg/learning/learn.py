@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from typing import Any
 
@@ -14,6 +14,7 @@ import numpy as np
 import occ_constraints_pkg
 from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.learning.calibration import (
+    Movable,
     SafeSet,
     calibrate,
     episodes_needed,
@@ -21,8 +22,11 @@ from occ_constraints_pkg.learning.calibration import (
     space_limits,
 )
 from occ_constraints_pkg.learning.conditional import ConditionalSettings
-from occ_constraints_pkg.learning.conditional.formula import check_combination, learn_formula
+from occ_constraints_pkg.learning.conditional.forest import SafeForest
+from occ_constraints_pkg.learning.conditional.formula import learn_rules, write_formula
+from occ_constraints_pkg.learning.conditional.moving import MovableRules
 from occ_constraints_pkg.learning.conditional.rules import ConditionalRule
+from occ_constraints_pkg.learning.conditional.settings import resolved_conditions
 from occ_constraints_pkg.learning.evidence import (
     MOST_LITERALS,
     evidence_document,
@@ -74,8 +78,9 @@ def learn(
         space: the features.
         settings: the tree learner's parameters; ``None`` for the defaults.
         rng: chooses the held-out episodes.
-        conditional: look for rules with several literals as well; samples of an episode are then
-            in the order of time. ``None`` for the tree learner alone.
+        conditional: which rules with several literals to look for as well; samples of an episode
+            are then in the order of time. ``None`` for the default, see
+            :func:`~occ_constraints_pkg.learning.conditional.settings.resolved_conditions`.
         independent: (n,) what evidence for conditional rules is counted by, where that is not the
             episode: a label for each sample, the same for episodes that depend on each other.
         held_out_share: share of episodes to hold out when there are five or more.
@@ -84,7 +89,8 @@ def learn(
             guarantees nothing and moves nothing.
         safe_episodes: (m, k) samples and their (m,) episodes to calibrate on. ``None`` for the
             held-out episodes, as many as needed, up to half of all.
-        feature_map: document of the feature map, kept in the file.
+        feature_map: document of the feature map, kept in the file. What it keeps apart is not
+            combined.
         bags: name, sha256 and messages of each recording, kept in the file.
         origin: maps a position in ``values`` to the source of that sample, for the evidence;
             ``source`` is a position in ``bags``.
@@ -96,7 +102,10 @@ def learn(
             that do not go together.
     """
     settings = settings if settings is not None else OCTreeSettings()
-    check_combination(conditional, settings, false_alarm)
+    conditional = resolved_conditions(conditional, settings)
+    if feature_map is not None:
+        pairs = [(one, other) for one, other in feature_map.get('apart', ())]
+        conditional = conditional.keeping_apart(pairs)
     needed = 0 if false_alarm is None or safe_episodes is not None else episodes_needed(false_alarm)
     samples = divide_samples(
         values,
@@ -110,24 +119,14 @@ def learn(
         _check_enough(false_alarm, needed, samples)
         safe_episodes = samples.held_out, samples.held_out_names
     training = samples.training
-    tree = grow(training, space, settings, progress=progress)
-    demonstrated = samples.demonstrated(space, settings)
+    labels = None if independent is None else independent[samples.positions]
+    found = learn_safe_set(
+        samples, space, settings, conditional, independent=labels, progress=progress
+    )
     calibration: dict[str, Any] = {}
-    origins: Mapping[str, ConditionalRule] = {}
-    if conditional is None:
-        formula = extract_and_simplify(
-            tree, space, demonstrated, full_conditions=settings.full_conditions
-        )
-    else:
-        labels = samples.episodes if independent is None else independent[samples.positions]
-        found = learn_formula(
-            tree, training, samples.episodes, space, demonstrated, conditional, labels
-        )
-        tree, formula, origins = found.tree, found.formula, found.origins
     if false_alarm is not None and safe_episodes is not None:
-        tree, formula, calibration = _calibrated(
-            tree, formula, safe_episodes, false_alarm, settings.full_conditions
-        )
+        found, calibration = _calibrated(found, space, safe_episodes, false_alarm)
+    formula = found.formula
     rule_set = formula.rule_set
     safe = is_safe(rule_set, training)
     held_out = samples.held_out
@@ -148,7 +147,7 @@ def learn(
             gather_evidence(rule_set, training, safe, samples.episodes, families(space, settings)),
             space,
             lambda row: {} if origin is None else origin(samples.positions[row]),
-            origins,
+            found.origins,
         )
     provenance = {
         'created': datetime.now(UTC).isoformat(timespec='seconds'),
@@ -159,19 +158,95 @@ def learn(
     return Constraints(
         rule_set,
         feature_map,
-        tree_document(tree, space),
+        tree_document(found.tree, space),
         {
             **asdict(settings),
             'unusable_samples': samples.unusable,
             'extracted_rules': formula.before[0],
             'extracted_literals': formula.before[1],
             **({'calibration': calibration} if calibration else {}),
-            **({} if conditional is None else {'conditional': conditional.document()}),
+            **({'conditional': conditional.document()} if conditional.looks else {}),
         },
         coverage,
         provenance,
         evidence,
+        found.safe_set,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class Learned:
+    """What was learned, and how it is written once its bounds were moved.
+
+    Attributes:
+        tree: the one-class tree, or the box of conditional rules as one.
+        formula: the rules.
+        movable: the safe set.
+        write: returns the same for a safe set with moved bounds.
+        origins: by its id, the conditional rule that a rule stands for.
+        safe_set: the safe set of conditional rules as plain values, empty for a tree.
+    """
+
+    tree: Node
+    formula: Simplification
+    movable: Movable
+    write: Callable[[Any], Learned]
+    origins: Mapping[str, ConditionalRule] = field(default_factory=dict)
+    safe_set: Mapping[str, Any] = field(default_factory=dict)
+
+
+def learn_safe_set(
+    samples: Samples,
+    space: FeatureSpace,
+    settings: OCTreeSettings,
+    conditional: ConditionalSettings,
+    *,
+    tree: Node | None = None,
+    independent: np.ndarray | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Learned:
+    """Learn the safe set and its rules from the training samples.
+
+    Args:
+        samples: usable samples.
+        space: the features.
+        settings: of the tree learner.
+        conditional: which conditional rules to look for; only within a tree that is one box.
+        tree: the one-class tree if it was grown already.
+        independent: (n,) what evidence for conditional rules is counted by; ``None`` for episodes.
+        progress: called with (level, leaves so far) after each level of the tree.
+    """
+    training = samples.training
+    demonstrated = samples.demonstrated(space, settings)
+    if tree is None:
+        tree = grow(training, space, settings, progress=progress)
+    scale, limits = RuleSet(space, (), demonstrated).scale, space_limits(space)
+
+    def write_tree(found: SafeSet) -> Learned:
+        formula = extract_and_simplify(
+            found.tree, space, found.box, full_conditions=settings.full_conditions
+        )
+        # The demonstrated range, the unit of the margin, does not change.
+        rule_set = replace(formula.rule_set, demonstrated=demonstrated)
+        return Learned(found.tree, replace(formula, rule_set=rule_set), found, write_tree)
+
+    def write_rules(found: MovableRules) -> Learned:
+        written = write_formula(found.learned, tree, training, space, demonstrated)
+        return Learned(
+            written.tree,
+            written.formula,
+            found,
+            write_rules,
+            written.origins,
+            SafeForest.of(found.learned).document(space),
+        )
+
+    if not conditional.looks:
+        return write_tree(SafeSet(tree, demonstrated, scale, limits))
+    learned = learn_rules(
+        tree, training, samples.episodes, space, demonstrated, conditional, independent
+    )
+    return write_rules(MovableRules(learned, scale, limits))
 
 
 def _check_enough(false_alarm: float, needed: int, samples: Samples) -> None:
@@ -192,28 +267,21 @@ def _check_enough(false_alarm: float, needed: int, samples: Samples) -> None:
 
 
 def _calibrated(
-    tree: Node,
-    formula: Simplification,
+    found: Learned,
+    space: FeatureSpace,
     safe_episodes: tuple[np.ndarray, np.ndarray],
     false_alarm: float,
-    full_conditions: bool,
-) -> tuple[Node, Simplification, dict[str, Any]]:
-    """Return tree and rules with their bounds moved outward, and the guarantee."""
-    rule_set = formula.rule_set
-    space, demonstrated = rule_set.space, rule_set.demonstrated
+) -> tuple[Learned, dict[str, Any]]:
+    """Return what was learned with its bounds moved outward, and the guarantee."""
     rows, episodes = space.check_rows(safe_episodes[0]), np.asarray(safe_episodes[1])
     usable = space.knows(rows)
-    safe_set = SafeSet(tree, demonstrated, rule_set.scale, space_limits(space))
-    moved, calibration = calibrate(safe_set, rows[usable], episodes[usable], false_alarm)
+    moved, calibration = calibrate(found.movable, rows[usable], episodes[usable], false_alarm)
+    before = found.formula.rule_set.rules
     if calibration.margin:
-        wider = extract_and_simplify(moved.tree, space, moved.box, full_conditions=full_conditions)
-        # The demonstrated range, the unit of the margin, does not change.
-        formula = replace(wider, rule_set=replace(wider.rule_set, demonstrated=demonstrated))
-    left = {rule.id for rule in formula.rule_set.rules}
-    dropped = tuple(
-        f'{rule.id}: {rule.words(space)}' for rule in rule_set.rules if rule.id not in left
-    )
-    return moved.tree, formula, replace(calibration, vanished=dropped).document()
+        found = found.write(moved)
+    left = {rule.id for rule in found.formula.rule_set.rules}
+    dropped = tuple(f'{rule.id}: {rule.words(space)}' for rule in before if rule.id not in left)
+    return found, replace(calibration, vanished=dropped).document()
 
 
 def tree_document(node: Node, space: FeatureSpace) -> dict[str, Any]:

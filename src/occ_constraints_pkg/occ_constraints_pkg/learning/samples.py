@@ -124,7 +124,10 @@ def divide_samples(
             f'none of the {len(rows)} samples is usable: each has a value that is missing, not '
             f'finite or outside the physical bounds{_worst_feature(rows, space)}'
         )
-    rows, episodes = rows[usable], np.asarray(episodes)[usable]
+    episodes = np.asarray(episodes)
+    if not usable.all():
+        # Copies of very many samples are not made for nothing.
+        rows, episodes = rows[usable], episodes[usable]
     held_out = np.zeros(len(rows), dtype=bool)
     names = np.unique(episodes)
     chosen = names[:0]
@@ -133,9 +136,10 @@ def divide_samples(
         count = max(count, min(hold_out_least, len(names) // 2))
         chosen = rng.choice(names, size=count, replace=False)
         held_out = np.isin(episodes, chosen)
+    stays = slice(None) if not len(chosen) else ~held_out
     return Samples(
-        rows[~held_out],
-        episodes[~held_out],
+        rows[stays],
+        episodes[stays],
         rows[held_out],
         episodes[held_out],
         len(chosen),

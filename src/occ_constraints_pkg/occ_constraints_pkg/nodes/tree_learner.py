@@ -15,6 +15,10 @@ from occ_constraints_pkg.demonstrations.learning import learn_from_files
 from occ_constraints_pkg.errors import ConfigurationError, OccError
 from occ_constraints_pkg.features.extractor import FeatureExtractor
 from occ_constraints_pkg.features.feature_map import load_feature_map
+from occ_constraints_pkg.learning.conditional.settings import (
+    chosen_conditions,
+    resolved_conditions,
+)
 from occ_constraints_pkg.learning.guarantee import guarantee_words, loss_words
 from occ_constraints_pkg.learning.learn import learn
 from occ_constraints_pkg.learning.settings import OCTreeSettings
@@ -65,6 +69,20 @@ class TreeLearner(OccNode):
             contamination=None if share < 0.0 else share,
             **chosen,
         )
+        conditions = self.parameter(
+            'conditions',
+            '',
+            'rules about how many features: none (a box), pairs or triples; empty: triples, '
+            'or none where other parameters let the tree branch',
+        )
+        apart = self.parameter(
+            'apart', [], 'pairs A,B of features or families that no rule may combine'
+        )
+        self._conditional = chosen_conditions(
+            conditions or None, [tuple(pair.split(',')) for pair in apart]
+        )
+        # What does not go together ends the node now, not after hours of collecting.
+        resolved_conditions(self._conditional, self._settings)
         alarm = self.parameter(
             'false_alarm',
             0.0,
@@ -105,6 +123,7 @@ class TreeLearner(OccNode):
                     self._map,
                     self._settings,
                     rng=self._rng,
+                    conditional=self._conditional,
                     false_alarm=self._false_alarm,
                     calibrate_on=calibrate_on,
                     warn=self.get_logger().warning,
@@ -149,6 +168,7 @@ class TreeLearner(OccNode):
                     self._map.space,
                     self._settings,
                     rng=self._rng,
+                    conditional=self._conditional,
                     false_alarm=self._false_alarm,
                     feature_map=self._map.to_document(),
                 )

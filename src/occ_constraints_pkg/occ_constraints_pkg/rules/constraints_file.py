@@ -67,11 +67,13 @@ class Constraints:
         provenance: package version, time, bags with their hashes.
         evidence: which demonstrations support each bound, as learned (see
             ``learning.evidence_document``).
+        safe_set: with conditional rules, the box and the trees that they leave (see
+            ``learning.conditional.forest``).
 
     Example:
         >>> constraints = occ.learn('bags/simple_nav_expert', 'simple_nav')
         >>> print(len(constraints.rules), f'{constraints.coverage["held_out"]:.1%}')
-        4 100.0%
+        5 100.0%
         >>> constraints.save('nav.yaml')
     """
 
@@ -82,6 +84,7 @@ class Constraints:
     coverage: Mapping[str, Any] = field(default_factory=dict)
     provenance: Mapping[str, Any] = field(default_factory=dict)
     evidence: Mapping[str, Any] = field(default_factory=dict)
+    safe_set: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def rules(self) -> tuple[Rule, ...]:
@@ -129,7 +132,15 @@ class Constraints:
             for feature, (low, high) in zip(space.features, self.rule_set.demonstrated, strict=True)
         ]
         document['rules'] = [_rule_document(rule, space) for rule in self.rule_set.rules]
-        for key in ('feature_map', 'tree', 'learner', 'coverage', 'provenance', 'evidence'):
+        for key in (
+            'feature_map',
+            'tree',
+            'safe_set',
+            'learner',
+            'coverage',
+            'provenance',
+            'evidence',
+        ):
             value = getattr(self, key)
             # An empty tree is a single leaf, which differs from no tree.
             if value or (key == 'tree' and value is not None):
@@ -296,6 +307,7 @@ def parse_constraints(text: str, where: str) -> Constraints:
         document.get('coverage', {}),
         document.get('provenance', {}),
         document.get('evidence', {}),
+        document.get('safe_set', {}),
     )
 
 

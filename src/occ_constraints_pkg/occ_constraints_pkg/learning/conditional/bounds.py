@@ -87,7 +87,7 @@ def fit_box(
         for side in unit.sides:
             if outside is not None:
                 _move_outward(
-                    box, unit, side, column, is_glitch, table, demonstrated, outside / sides
+                    box, unit, side, column, is_glitch, table, demonstrated, limits, outside / sides
                 )
         within = (column >= box[unit.columns[0], 0]) & (column <= box[unit.columns[0], 1])
         for cut in flat_tails(number, unit, column[within], is_glitch[within]):
@@ -106,6 +106,7 @@ def _move_outward(
     is_glitch: np.ndarray,
     table: Table,
     demonstrated: np.ndarray,
+    limits: np.ndarray,
     share: float,
 ) -> None:
     """Move one bound of a unit; changes ``box``.
@@ -118,6 +119,7 @@ def _move_outward(
         is_glitch: (n,) bool.
         table: all samples.
         demonstrated: (k, 2) smallest and largest values.
+        limits: (k, 2) physical bounds; members of a family share them.
         share: of the time that a fresh episode may spend beyond the bound.
     """
     columns, end = list(unit.columns), 0 if side == BELOW else 1
@@ -128,4 +130,6 @@ def _move_outward(
             return
         bound = extreme
     margin = outward_margin(side * column, table.episode_numbers, share)
+    # A rule has to be left: the bound goes at most half way to a physical limit.
+    margin = min(margin, abs(limits[columns[0], end] - bound) / 2.0)
     box[columns, end] = bound + margin if side == ABOVE else bound - margin

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.learning.conditional.learner import learn_conditional
 from occ_constraints_pkg.learning.conditional.rules import (
     ConditionalRule,
@@ -19,7 +18,6 @@ from occ_constraints_pkg.learning.conditional.rules import (
 from occ_constraints_pkg.learning.conditional.rules import Literal as LearnedLiteral
 from occ_constraints_pkg.learning.conditional.settings import ConditionalSettings
 from occ_constraints_pkg.learning.extraction import extract_rules
-from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.learning.simplification import Simplification, simplify, size
 from occ_constraints_pkg.learning.tree import Branch, Node
 from occ_constraints_pkg.rules.rule import Literal, Rule
@@ -44,31 +42,7 @@ class ConditionalFormula:
     origins: Mapping[str, ConditionalRule]
 
 
-def check_combination(
-    conditional: ConditionalSettings | None, settings: OCTreeSettings, false_alarm: float | None
-) -> None:
-    """Refuse settings that conditional rules do not go with.
-
-    Raises:
-        ConfigurationError: the safe set is more than a box, or false alarms are to be bounded.
-    """
-    if conditional is None:
-        return
-    found = {name: getattr(settings, name) for name in ('clip', 'alpha', 'full_conditions')}
-    if found != {'clip': 'mass', 'alpha': 0.0, 'full_conditions': False}:
-        told = ', '.join(f'{name} {value}' for name, value in found.items())
-        raise ConfigurationError(
-            f'conditions are looked for within a box, got {told}; allowed beside them are clip '
-            'mass, alpha 0 and no full_conditions, or conditions none'
-        )
-    if false_alarm is not None:
-        raise ConfigurationError(
-            f'false_alarm {false_alarm:g} is given with conditions {conditional.conditions}, but '
-            'the bounds of conditional rules are not calibrated; allowed is one of the two'
-        )
-
-
-def learn_formula(
+def learn_rules(
     tree: Node,
     values: np.ndarray,
     episodes: np.ndarray,
@@ -76,8 +50,8 @@ def learn_formula(
     demonstrated: np.ndarray,
     settings: ConditionalSettings,
     independent: np.ndarray | None,
-) -> ConditionalFormula:
-    """Learn conditional rules within the box of a tree, and write both as rules.
+) -> LearnedRules:
+    """Learn conditional rules within the box of a tree.
 
     Args:
         tree: without a split into several branches.
@@ -92,7 +66,7 @@ def learn_formula(
         ConfigurationError: ``apart`` has an unknown name.
     """
     (leaf,) = tree.leaf_boxes(len(space))
-    learned = learn_conditional(
+    return learn_conditional(
         values,
         episodes,
         [Feature(item.name, item.low, item.high, item.family) for item in space.features],
@@ -100,6 +74,24 @@ def learn_formula(
         bounds=_within(leaf, demonstrated),
         recordings=independent,
     )
+
+
+def write_formula(
+    learned: LearnedRules,
+    tree: Node,
+    values: np.ndarray,
+    space: FeatureSpace,
+    demonstrated: np.ndarray,
+) -> ConditionalFormula:
+    """Write a box and conditional rules as rules.
+
+    Args:
+        learned: the safe set.
+        tree: the one that it was learned within.
+        values: (n, k) samples that it was learned from.
+        space: the features.
+        demonstrated: (k, 2) smallest and largest values, the scale of margins.
+    """
     formula, origins = as_rules(learned, space, demonstrated)
     return ConditionalFormula(_moved(tree, learned.box, values), formula, origins)
 

@@ -15,8 +15,9 @@ from occ_constraints_pkg.learning.conditional.bounds import (
     fit_box,
     inside_box,
 )
-from occ_constraints_pkg.learning.conditional.corners import CornerSearch
+from occ_constraints_pkg.learning.conditional.corners import LOOKS, CornerSearch
 from occ_constraints_pkg.learning.conditional.correlation import CorrelationNull
+from occ_constraints_pkg.learning.conditional.evidence import most_evidence, needed_evidence
 from occ_constraints_pkg.learning.conditional.expectation import Expectation
 from occ_constraints_pkg.learning.conditional.gaps import close_on, find_gaps
 from occ_constraints_pkg.learning.conditional.placing import place
@@ -75,7 +76,12 @@ def learn_conditional(
         if not is_bad[kept].all():
             clusters = episodes if recordings is None else np.asarray(recordings)
             rules = _conditional_rules(table, is_bad[kept], clusters, features, settings)
-    return LearnedRules(box, demonstrated, rules)
+    steps = {
+        unit.columns[0]: float(np.diff(unit.kinds).min())
+        for unit in units
+        if unit.kinds is not None
+    }
+    return LearnedRules(box, demonstrated, rules, steps)
 
 
 def _checked(
@@ -112,32 +118,15 @@ def _conditional_rules(
     features: Sequence[Feature],
     settings: ConditionalSettings,
 ) -> tuple[ConditionalRule, ...]:
-    sample = table.sample(is_bad, clusters)
     units = table.units
     pairs = pairs_of(units, features, settings.apart)
-    expectation, correlation = Expectation(sample), CorrelationNull(sample)
+    sample = table.sample(is_bad, clusters)
+    if most_evidence(sample.cluster_count) < needed_evidence(LOOKS, settings.delta):
+        # So few can prove nothing.
+        return ()
     found = find_gaps(sample, delta=settings.delta)[: settings.most_rules]
-    search = CornerSearch(
-        sample,
-        expectation,
-        correlation,
-        pairs,
-        found,
-        delta=settings.delta,
-        most_rules=settings.most_rules,
-    )
-    found = search.run()
-    if settings.conditions == 'triples':
-        found = find_triples(
-            sample,
-            expectation,
-            correlation,
-            pairs,
-            found,
-            looks_at_pairs=search.looks,
-            delta=settings.delta,
-            most_rules=settings.most_rules,
-        )
+    if pairs:
+        found = _combined(sample, pairs, found, settings)
     return tuple(
         ConditionalRule(
             tuple(
@@ -150,6 +139,38 @@ def _conditional_rules(
             rule.evidence,
         )
         for rule in _settled(table, is_bad, sample, found)
+    )
+
+
+def _combined(
+    sample: Sample,
+    pairs: Sequence[tuple[int, int]],
+    found: Sequence[Found],
+    settings: ConditionalSettings,
+) -> list[Found]:
+    """Return the rules that there are, and then those about pairs and triples of units."""
+    expectation, correlation = Expectation(sample), CorrelationNull(sample)
+    search = CornerSearch(
+        sample,
+        expectation,
+        correlation,
+        pairs,
+        found,
+        delta=settings.delta,
+        most_rules=settings.most_rules,
+    )
+    pairwise = search.run()
+    if settings.conditions != 'triples':
+        return pairwise
+    return find_triples(
+        sample,
+        expectation,
+        correlation,
+        pairs,
+        pairwise,
+        looks_at_pairs=search.looks,
+        delta=settings.delta,
+        most_rules=settings.most_rules,
     )
 
 

@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -68,6 +68,11 @@ class Literal:
                 f'columns {self.columns} of a literal; allowed are one, or those of a family'
             )
 
+    @property
+    def is_upper(self) -> bool:
+        """Whether small values make the literal true."""
+        return self.operator in ('<', '<=')
+
     def holds(self, values: np.ndarray) -> np.ndarray:
         """Tell for each of (n, k) samples whether the literal is true: (n,) bool."""
         compare = _COMPARE[self.operator]
@@ -118,11 +123,13 @@ class LearnedRules:
             is safe.
         demonstrated: (k, 2) smallest and largest demonstrated value; a family shares them.
         rules: the conditional rules, in the order they were found.
+        steps: by position of each discrete feature, the smallest distance of two of its values.
     """
 
     box: np.ndarray
     demonstrated: np.ndarray
     rules: tuple[ConditionalRule, ...]
+    steps: Mapping[int, float] = field(default_factory=dict)
 
     def flagged_by_box(self, values: np.ndarray) -> np.ndarray:
         """Tell for each of (n, k) samples whether it lies outside the box: (n,) bool."""

@@ -5,12 +5,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from occ_constraints_pkg.errors import ConfigurationError
+from occ_constraints_pkg.learning.settings import OCTreeSettings
 
-CONDITIONS = ('pairs', 'triples')
+CONDITIONS = ('none', 'pairs', 'triples')
 
 
 @dataclass(frozen=True)
@@ -18,8 +19,8 @@ class ConditionalSettings:
     """Settings of the learner of conditional rules; one default for all data.
 
     Attributes:
-        conditions: ``pairs`` for rules about two features (or gaps of one), ``triples`` for rules
-            about three as well.
+        conditions: ``triples`` for rules about two or three features (or gaps of one), ``pairs``
+            for those about two only; ``none`` for none, and the box as the tree learner found it.
         apart: pairs of names, of features or families, that no rule may combine.
         delta: chance that there is any false rule, over everything that is looked at.
         most_rules: conditional rules at most.
@@ -32,7 +33,7 @@ class ConditionalSettings:
     """
 
     conditions: str = 'triples'
-    apart: tuple[tuple[str, str], ...] = ()
+    apart: tuple[tuple[str, ...], ...] = ()
     delta: float = 0.005
     most_rules: int = 16
     outside: float | None = 0.005
@@ -40,7 +41,7 @@ class ConditionalSettings:
     def __post_init__(self) -> None:
         if self.conditions not in CONDITIONS:
             raise ConfigurationError(
-                f'conditions is {self.conditions!r}; allowed are none, {", ".join(CONDITIONS)}'
+                f'conditions is {self.conditions!r}; allowed are {", ".join(CONDITIONS)}'
             )
         if not 0.0 < self.delta < 1.0:
             raise ConfigurationError(f'delta is {self.delta}; allowed is 0 < delta < 1')
@@ -52,23 +53,65 @@ class ConditionalSettings:
             if len(pair) != 2:
                 raise ConfigurationError(f'apart names {pair}; allowed are pairs of names')
 
+        if self.apart and not self.looks:
+            raise ConfigurationError(
+                'apart has no effect with conditions none; allowed with it are pairs and triples'
+            )
+
+    @property
+    def looks(self) -> bool:
+        """Whether conditional rules are looked for at all."""
+        return self.conditions != 'none'
+
+    def keeping_apart(self, pairs: Sequence[tuple[str, ...]]) -> ConditionalSettings:
+        """Return settings that keep more pairs apart; the same where nothing is combined."""
+        return replace(self, apart=(*self.apart, *pairs)) if self.looks else self
+
     def document(self) -> dict[str, Any]:
         """Return the settings as plain values."""
         return {**asdict(self), 'apart': [list(pair) for pair in self.apart]}
 
 
 def chosen_conditions(
-    conditions: str, apart: Sequence[tuple[str, str]]
+    conditions: str | None, apart: Sequence[tuple[str, ...]]
 ) -> ConditionalSettings | None:
-    """Return the settings that a user chose, ``None`` for ``none``.
+    """Return the settings that a user chose, ``None`` for the default.
+
+    Args:
+        conditions: one of :data:`CONDITIONS`, ``None`` if the user did not say.
+        apart: pairs of names, of features or families.
 
     Raises:
         ConfigurationError: a value is not allowed.
     """
-    if conditions != 'none':
-        return ConditionalSettings(conditions, tuple(apart))
-    if apart:
+    if conditions is None and not apart:
+        return None
+    if conditions is None:
+        conditions = ConditionalSettings.conditions
+    return ConditionalSettings(conditions, tuple(apart))
+
+
+def resolved_conditions(
+    conditional: ConditionalSettings | None, settings: OCTreeSettings
+) -> ConditionalSettings:
+    """Return which conditional rules are looked for beside a tree.
+
+    Args:
+        conditional: what the user chose; ``None`` for the default: triples where the tree is one
+            box, none where its settings let it branch or write all bounds of a branch.
+        settings: of the tree.
+
+    Raises:
+        ConfigurationError: conditional rules are asked for, and the tree is not one box.
+    """
+    found = {name: getattr(settings, name) for name in ('clip', 'alpha', 'full_conditions')}
+    is_box = found == {'clip': 'mass', 'alpha': 0.0, 'full_conditions': False}
+    if conditional is None:
+        return ConditionalSettings() if is_box else ConditionalSettings('none')
+    if conditional.looks and not is_box:
+        told = ', '.join(f'{name} {value}' for name, value in found.items())
         raise ConfigurationError(
-            'apart has no effect with conditions none; allowed with it are pairs and triples'
+            f'conditions are looked for within a box, got {told}; allowed beside them are clip '
+            'mass, alpha 0 and no full_conditions, or conditions none'
         )
-    return None
+    return conditional

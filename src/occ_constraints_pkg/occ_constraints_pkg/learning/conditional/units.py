@@ -17,6 +17,9 @@ from occ_constraints_pkg.learning.conditional.rules import Feature, Literal
 MOST_KINDS = 8
 """A feature with more distinct values than this is continuous unless its user says otherwise."""
 
+MOST_COMBINED = 100
+"""Of more, the members of families are looked at together only; of still more, none is."""
+
 BELOW, EQUAL, ABOVE = -1, 0, 1
 _SOME = 4096
 
@@ -141,12 +144,26 @@ def distinct(column: np.ndarray, most: int) -> np.ndarray | None:
     return kinds if len(kinds) <= most else None
 
 
+def units_to_combine(units: Sequence[Unit]) -> list[int]:
+    """Return the positions of the units that are combined, at most :data:`MOST_COMBINED`."""
+    if len(units) <= MOST_COMBINED:
+        return list(range(len(units)))
+    members = {column for unit in units if unit.is_family for column in unit.columns}
+    chosen = [
+        position
+        for position, unit in enumerate(units)
+        if unit.is_family or unit.columns[0] not in members
+    ]
+    return chosen if len(chosen) <= MOST_COMBINED else []
+
+
 def pairs_of(
-    units: Sequence[Unit], features: Sequence[Feature], apart: Sequence[tuple[str, str]]
+    units: Sequence[Unit], features: Sequence[Feature], apart: Sequence[tuple[str, ...]]
 ) -> list[tuple[int, int]]:
     """Return the pairs of units that may be combined.
 
-    Not a feature with itself, nor members of one family, nor what is to be kept apart.
+    Not a feature with itself, nor members of one family, nor what is to be kept apart; and see
+    :func:`units_to_combine`.
 
     Args:
         units: what there is.
@@ -181,5 +198,7 @@ def pairs_of(
         )
 
     return [
-        (i, j) for i, j in combinations(range(len(units)), 2) if may_combine(units[i], units[j])
+        (i, j)
+        for i, j in combinations(units_to_combine(units), 2)
+        if may_combine(units[i], units[j])
     ]

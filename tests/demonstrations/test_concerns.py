@@ -7,6 +7,7 @@ import shutil
 
 import numpy as np
 import pytest
+from occ_constraints_pkg.rules.constraints_file import load_constraints
 from synthetic_bags import write_drive
 
 
@@ -81,14 +82,57 @@ def test_few_samples_and_few_episodes_are_told(table, learn):
     assert learn(table(rows=100, episodes=5))['warnings'] == []
 
 
-def test_features_that_look_like_a_family_are_told(table, learn):
+def test_columns_that_look_like_a_family_are_taken_for_one(table, learn):
     names = [f'd_l{number}' for number in range(10)]
-    (sentence,) = learn(table(names=names))['warnings']
-    assert sentence.startswith('the 10 features d_l0 ... d_l9 look like one measurement')
+    result = learn(table(names=names))
+    (sentence,) = result['warnings']
+    assert sentence.startswith("the 10 columns d_l0 ... d_l9 are taken for a family, 'd_l'")
+    assert '--no-families' in sentence
+    assert families_in('rules.yaml') == ['d_l'] * 10
+    assert learn(f'{table(names=names)} --no-families')['warnings'] == []
+    assert families_in('rules.yaml') == [''] * 10
     assert learn(table(names=names, families=['scan'] * 10))['warnings'] == []
+    assert learn(f'{table(names=names)} --clip density')['warnings'] == []
     assert learn(table(names=['x1', 'x2', 'y1', 'y2']))['warnings'] == []
     units = ['m', 'rad', 's', 'V']
-    assert learn(table(names=['x1', 'x2', 'x3', 'x4'], units=units))['warnings'] == []
+    assert learn(table(names=['d1', 'd2', 'd3', 'd4'], units=units))['warnings'] == []
+
+
+def families_in(file):
+    return [feature.family for feature in load_constraints(file).space.features]
+
+
+def test_names_that_say_nothing_and_feature_maps_make_no_family(table, learn, tmp_path):
+    names = [f'x{number}' for number in range(5)]
+    (sentence,) = learn(table(names=names))['warnings']
+    assert sentence.startswith('the 5 features x0 ... x4 look like one measurement')
+    assert families_in('rules.yaml') == [''] * 5
+    assert learn(f'{table(names=names)} --no-families')['warnings'] == []
+    names = [f'd_l{number}' for number in range(5)]
+    features = ''.join(f'- {{name: {name}, topic: t, field: {name}, unit: m}}\n' for name in names)
+    (tmp_path / 'map.yaml').write_text(f'schema_version: 1\npace: t\nmax_age: 1\nfeatures:\n{features}')
+    (sentence,) = learn(f'{table(names=names)} -m map.yaml')['warnings']
+    assert sentence.startswith('the 5 features d_l0 ... d_l4 look like one measurement')
+    assert families_in('rules.yaml') == [''] * 5
+
+
+def test_a_table_that_describes_nothing_is_told_what_it_lacks(table, learn, run_occ):
+    values = np.random.default_rng(0).uniform(size=(400, 3))
+    np.savez('bare.npz', features=values, episode=np.arange(400) // 40)
+    (sentence,) = learn('bare.npz')['warnings']
+    assert sentence.startswith('bare.npz does not describe its features, here called x0 ... x2')
+    assert all(f"'{array}':" in sentence for array in ('names', 'bounds', 'families'))
+    # To check is not to learn.
+    _, _, err = run_occ('check bare.npz -c rules.yaml')
+    assert err == ''
+
+
+def test_the_same_families_are_taken_for_every_depth(table, run_occ):
+    name = table(names=[f'd_l{number}' for number in range(6)], cost=np.zeros(400))
+    for option, taken in (('', True), (' --no-families', False)):
+        code, _, err = run_occ(f'learn {name} --compare-depths -o out{option}')
+        assert code == 0
+        assert ('are taken for a family' in err) is taken
 
 
 def test_a_recording_given_twice_counts_once(tmp_path, monkeypatch, learn):

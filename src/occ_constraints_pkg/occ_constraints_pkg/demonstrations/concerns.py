@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -12,33 +11,37 @@ import numpy as np
 
 from occ_constraints_pkg.datasets.dataset import Dataset
 from occ_constraints_pkg.learning.learn import grow
-from occ_constraints_pkg.learning.samples import LEAST_EPISODES_TO_HOLD_OUT, families
+from occ_constraints_pkg.learning.likely_families import likely_families
+from occ_constraints_pkg.learning.samples import LEAST_EPISODES_TO_HOLD_OUT
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.rules.space import FeatureSpace
 from occ_constraints_pkg.wording import count_of
 
 # With fewer samples the bounds are little more than the samples themselves.
 _FEW_SAMPLES = 100
-# Fewer columns of a name and a number may well be different things, as x1 and x2.
-_LEAST_OF_A_FAMILY = 4
 # What is estimated from samples may be that much larger than the share that was stated.
 _SLACK = 0.01
 # So many samples suffice to estimate the share of outliers.
 _SOME = 20_000
 
 
-def concerns(data: Dataset, space: FeatureSpace, settings: OCTreeSettings) -> Iterator[str]:
+def concerns(
+    data: Dataset, space: FeatureSpace, settings: OCTreeSettings, *, families: bool = True
+) -> Iterator[str]:
     """Yield a sentence for each thing about the demonstrations that is likely not meant.
 
     Args:
         data: what is learned from.
         space: its features.
         settings: of the learner.
+        families: whether to tell of features that look like a family.
     """
     rows = data.values[space.knows(data.values)]
     yield from _of_cost(data, settings)
     yield from _of_amount(data, len(rows))
-    yield from _of_families(space, settings)
+    if families and settings.clip == 'mass':
+        # Clipping by density knows no families.
+        yield from _of_families(rows, space)
     yield from _of_share(rows, space, settings)
 
 
@@ -75,24 +78,14 @@ def _of_amount(data: Dataset, usable: int) -> Iterator[str]:
         )
 
 
-def _of_families(space: FeatureSpace, settings: OCTreeSettings) -> Iterator[str]:
-    if settings.clip != 'mass':
-        # Clipping by density knows no families.
-        return
-    declared = {index for family in families(space, settings) for index in family}
-    groups: dict[tuple, list[str]] = {}
-    for index, feature in enumerate(space.features):
-        stem = re.fullmatch(r'(.*?)\d+', feature.name)
-        if stem and index not in declared:
-            key = stem[1], feature.unit, feature.low, feature.high
-            groups.setdefault(key, []).append(feature.name)
-    for names in groups.values():
-        if len(names) >= _LEAST_OF_A_FAMILY:
-            yield (
-                f'the {len(names)} features {names[0]} ... {names[-1]} look like one measurement '
-                'in several directions; if they are, declare them as one family, so that they '
-                'get the same bounds'
-            )
+def _of_families(rows: np.ndarray, space: FeatureSpace) -> Iterator[str]:
+    for family in likely_families(rows, space):
+        names = [space.names[member] for member in family.features]
+        yield (
+            f'the {len(names)} features {names[0]} ... {names[-1]} look like one measurement in '
+            'several directions; if they are, declare them as one family, so that they get the '
+            'same bounds'
+        )
 
 
 def _of_share(rows: np.ndarray, space: FeatureSpace, settings: OCTreeSettings) -> Iterator[str]:

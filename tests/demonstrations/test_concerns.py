@@ -200,3 +200,54 @@ def test_too_few_episodes_for_a_promise_are_counted_rightly(table, run_occ, epis
         assert 'a false_alarm of 0.1667 or more' in err
         assert run_occ(f'learn {table(episodes=10)} --false-alarm 0.1667 -o x.yaml')[0] == 0
     assert run_occ(f'learn {table(episodes=38)} --false-alarm 0.05 -o x.yaml')[0] == 0
+
+
+def careless(share, episodes, bad_episodes, rows=20_000):
+    """Sectors of one who keeps 0.2 m away, but for a share of the rows, in some episodes."""
+    rng = np.random.default_rng(0)
+    episode = np.arange(rows) * episodes // rows
+    distance = np.sqrt(rng.random(rows)) * 0.9
+    distance = np.where(distance < 0.2, rng.uniform(0.2, 0.3, rows), distance)
+    candidates = np.flatnonzero(episode < bad_episodes)
+    bad = rng.choice(candidates, int(share * rows), replace=False)
+    distance[bad] = 0.2 * np.sqrt(rng.random(len(bad)))
+    sectors = np.zeros((rows, 8))
+    sectors[np.arange(rows), rng.integers(0, 8, rows)] = 1.0 - distance / 3.0
+    return {
+        'features': sectors,
+        'names': [f'd{sector}' for sector in range(8)],
+        'families': ['lidar'] * 8,
+        'bounds': [[0.0, 1.0]] * 8,
+        'episode': episode,
+    }
+
+
+def test_bad_samples_are_told_with_their_share_their_bound_and_their_episodes(table, learn):
+    assert learn(table(**careless(0.0, 40, 40)))['warnings'] == []
+    assert learn(table(**careless(0.01, 40, 40)))['warnings'] == []
+    (sentence,) = learn(table(**careless(0.1, 40, 40)))['warnings']
+    assert sentence.startswith('10.3% of the samples are above 0.93')
+    assert "family 'lidar', evenly down to contact" in sentence
+    assert 'better left out' not in sentence
+    (sentence,) = learn(table(**careless(0.1, 40, 8)))['warnings']
+    assert '7 of the 40 episodes have 75% of them, which are better left out' in sentence
+    assert '(t.npz)' in sentence
+
+
+def test_a_stated_share_that_is_too_small_is_told_with_the_one_that_would_do(table, learn):
+    name = table(**careless(0.05, 40, 40))
+    for stated in (0.01, 0.03, 0.045):
+        (sentence,) = learn(f'{name} --contamination {stated}')['warnings']
+        assert f'the stated contamination of {stated:g} is less' in sentence
+        assert 'state at least 0.05' in sentence
+    (sentence,) = learn(f'{name} --contamination 0.06')['warnings']
+    assert 'within the stated contamination of 0.06' in sentence
+
+
+def test_driving_along_walls_is_told_but_not_taken_for_bad(table, learn):
+    columns = careless(0.0, 40, 40)
+    along = np.random.default_rng(1).choice(20_000, 3000, replace=False)
+    columns['features'][along, 0] = 1.0 - np.linspace(0.12, 0.19, 3000) / 3.0
+    (sentence,) = learn(table(**columns))['warnings']
+    assert 'where a demonstrator who ignores obstacles would be for 5% of the time' in sentence
+    assert 'state a contamination of at least 0.138' in sentence

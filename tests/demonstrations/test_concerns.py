@@ -110,7 +110,9 @@ def test_names_that_say_nothing_and_feature_maps_make_no_family(table, learn, tm
     assert learn(f'{table(names=names)} --no-families')['warnings'] == []
     names = [f'd_l{number}' for number in range(5)]
     features = ''.join(f'- {{name: {name}, topic: t, field: {name}, unit: m}}\n' for name in names)
-    (tmp_path / 'map.yaml').write_text(f'schema_version: 1\npace: t\nmax_age: 1\nfeatures:\n{features}')
+    (tmp_path / 'map.yaml').write_text(
+        f'schema_version: 1\npace: t\nmax_age: 1\nfeatures:\n{features}'
+    )
     (sentence,) = learn(f'{table(names=names)} -m map.yaml')['warnings']
     assert sentence.startswith('the 5 features d_l0 ... d_l4 look like one measurement')
     assert families_in('rules.yaml') == [''] * 5

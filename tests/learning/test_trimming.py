@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as effort
 from hypothesis import strategies as st
+from occ_constraints_pkg.learning.edges import MOST_ESTIMATED, MOST_EVEN
 from occ_constraints_pkg.learning.safe_set import fit_safe_set
 from occ_constraints_pkg.learning.settings import OCTreeSettings
-from occ_constraints_pkg.learning.edges import MOST_ESTIMATED, MOST_EVEN
 from occ_constraints_pkg.learning.trimming import edges_of, make_units, trim
 from strategies import samples
 

@@ -87,10 +87,10 @@ def test_few_features_and_names_without_a_number_are_no_family(names):
 def test_members_share_unit_and_bounds():
     values = sectors(np.random.default_rng(0), 8)
     features = [Feature(f'd{i}', 'm' if i % 2 else '1') for i in range(8)]
-    assert [f.features for f in likely_families(values, FeatureSpace(tuple(features)))] == [
-        (0, 2, 4, 6),
-        (1, 3, 5, 7),
-    ]
+    found = likely_families(values, FeatureSpace(tuple(features)))
+    assert [family.features for family in found] == [(0, 2, 4, 6), (1, 3, 5, 7)]
+    declared = with_families(FeatureSpace(tuple(features)), found)
+    assert declared.families == ((0, 2, 4, 6), (1, 3, 5, 7))
     units = [Feature(f'd{i}', unit) for i, unit in enumerate(('m', 'rad', 's', 'V'))]
     assert likely_families(values[:, :4], FeatureSpace(tuple(units))) == []
 

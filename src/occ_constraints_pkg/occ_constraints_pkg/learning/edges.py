@@ -56,10 +56,10 @@ def estimate_edge(distances: np.ndarray) -> Edge:
     """
     count = len(distances)
     distance = _scaled(np.partition(distances, count // 2)[count // 2])
-    beyond = np.count_nonzero(distances < distance)
-    half = np.count_nonzero(distances < distance / 2)
+    beyond = int(np.count_nonzero(distances < distance))
+    half = int(np.count_nonzero(distances < distance / 2))
     # Many at the bound itself are idle sensors at the end of their range.
-    idle = np.count_nonzero(distances <= 0.0)
+    idle = int(np.count_nonzero(distances <= 0.0))
     is_even = half >= max(_FEWEST, _EVEN * beyond / 4) and idle <= _MOST_IDLE * half
     if is_even:
         ordered = np.sort(distances)
@@ -67,7 +67,7 @@ def estimate_edge(distances: np.ndarray) -> Edge:
             beyond = min(beyond, int(MOST_EVEN * count))
             distance = _scaled(ordered[beyond + (count - beyond) // 2])
             beyond = int(np.searchsorted(ordered, distance))
-    return Edge(float(distance), beyond, is_even)
+    return Edge(distance, beyond, is_even)
 
 
 def _scaled(middle: float) -> float:

@@ -75,6 +75,7 @@ def likely_families(values: np.ndarray, space: FeatureSpace) -> list[LikelyFamil
     """
     some = values[:: max(1, -(-len(values) // _SOME))]
     found = []
+    taken = {*space.names, *(feature.family for feature in space.features)}
     for stem, members in _named_alike(space):
         columns = some[:, members]
         if not len(some) or not _are_alike(columns):
@@ -82,7 +83,9 @@ def likely_families(values: np.ndarray, space: FeatureSpace) -> list[LikelyFamil
         first = space.features[members[0]]
         low, high = _physical_bounds(columns, first.low, first.high)
         is_telling = stem.lower() not in _ANYTHING
-        found.append(LikelyFamily(_free_name(stem, space), members, low, high, is_telling))
+        name = _free_name(stem, taken)
+        taken.add(name)
+        found.append(LikelyFamily(name, members, low, high, is_telling))
     return found
 
 
@@ -99,7 +102,7 @@ def with_families(space: FeatureSpace, families: Sequence[LikelyFamily]) -> Feat
 
 def _named_alike(space: FeatureSpace) -> Iterator[tuple[str, tuple[int, ...]]]:
     """Yield what names have in common, without brackets and separators, and the features."""
-    groups: dict[tuple, list[int]] = {}
+    groups: dict[tuple[str, str, str, float, float], list[int]] = {}
     for position, feature in enumerate(space.features):
         # The last number counts: `lidar2_d15` is a sector of the second lidar.
         parts = re.fullmatch(r'(.*?)[\W_]*(\d+)([^\d]*)', feature.name, re.DOTALL)
@@ -112,9 +115,8 @@ def _named_alike(space: FeatureSpace) -> Iterator[tuple[str, tuple[int, ...]]]:
             yield (before + after).strip('_'), tuple(members)
 
 
-def _free_name(stem: str, space: FeatureSpace) -> str:
+def _free_name(stem: str, taken: set[str]) -> str:
     """Return a stem that is not taken, with an underscore after it as often as needed."""
-    taken = {*space.names, *(feature.family for feature in space.features)}
     while stem in taken:
         stem += '_'
     return stem

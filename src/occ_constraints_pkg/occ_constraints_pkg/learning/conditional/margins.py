@@ -3,11 +3,11 @@
 """A margin for each demonstrated minimum and maximum.
 
 The extreme of what was demonstrated is the edge of the demonstrations, not of what is safe: the
-next episode goes a little beyond it somewhere, and another driver farther. How far differs from bound to
-bound. Where each episode has its own level (a temperature), the extremes of episodes lie far apart;
-where all come to the same edge (a clearance that is kept), they hardly differ. At an edge the
-extremes get denser; where they thin out, the largest one is only where the demonstrations happened
-to end.
+next episode goes a little beyond it somewhere, and another driver farther. How far differs from
+bound to bound. Where each episode has its own level (a temperature), the extremes of episodes lie
+far apart; where all come to the same edge (a clearance that is kept), they hardly differ. At an
+edge the extremes get denser; where they thin out, the largest one is only where the demonstrations
+happened to end.
 """
 
 from __future__ import annotations

@@ -141,6 +141,24 @@ def truth(**given: Any) -> None:
 
 
 @cli.command()
+@click.option('--world', 'names', multiple=True, help='Run only this world; may be repeated.')
+@click.option(
+    '--demonstrations', default=20, type=click.IntRange(min=10), show_default=True, help='Episodes.'
+)
+@_writes()
+def contamination(**given: Any) -> None:
+    """Compare learned rules with the true cost where some demonstrations are costly.
+
+    Single samples, passes through hazards or whole episodes are. A stopped run continues where it
+    was.
+
+    \b
+    Example: python -m experiments contamination --world PointGoal1 -o results
+    """
+    _run('contamination', 'lines', **given)
+
+
+@cli.command()
 @click.option('--world', default='PointGoal1', show_default=True)
 @click.option(
     '--demonstrations', default=50, type=click.IntRange(min=10), show_default=True, help='Episodes.'

@@ -141,7 +141,7 @@ class _Episodes:
                 driver = _blinded(driver, [column.name for column in one.columns])
             return drive_states(world, driver, self.map, count, 10_000 * number + seed)
 
-        self.expert = _without_costliest(*drive('expert', episodes, 1))
+        self.expert = without_costliest(*drive('expert', episodes, 1))
         self.ignoring = drive(self.ignoring_name, max(needed, _JUDGED_EPISODES), 2)
         self.unseen = drive('expert', _JUDGED_EPISODES, 3)
         self.judged = {
@@ -224,7 +224,7 @@ class _Episodes:
         )
 
 
-def _without_costliest(values: np.ndarray, costly: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def without_costliest(values: np.ndarray, costly: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the episodes in their order, without the costliest while too much is costly in all."""
     shares = costly.mean(axis=1)
     ascending = np.argsort(shares, kind='stable')

@@ -46,7 +46,8 @@ def test_free_movement_is_recovered(results):
     line = lines['PointGoal1, expert, 10000']
     assert line['heedless_driver'] == 'straightv'
     assert line['costly_share']['mean'] == pytest.approx(0.05, abs=0.005)
-    assert line['flagged_share']['mean'] <= 0.05
+    # Beyond the edge nobody keeps a distance, so it is estimated from the other samples.
+    assert line['flagged_share']['mean'] <= 0.056
     assert line['f1']['mean'] > 0.9
     # Every such drive is costly somewhere, so there is no safe one to be covered.
     assert line['coverage'] == {'mean': None, 'std': None}
@@ -88,12 +89,12 @@ def test_the_costliest_drives_are_left_out():
     values = np.arange(4.0)[:, None, None] * np.ones((1, 100, 1))
     costly = np.zeros((4, 100), dtype=bool)
     costly[0, :3] = costly[2, :50] = costly[3, :1] = True
-    kept, kept_costly = truth._without_costliest(values, costly)
+    kept, kept_costly = truth.without_costliest(values, costly)
     # 0, 1 and 3 % are 4/3 % in all; without the 3 % they are a half.
     assert kept[:, 0, 0].tolist() == [1.0, 3.0]
     assert kept_costly.sum() == 1
     with pytest.raises(OccError, match=r'best episode 3\.0% of the samples are costly'):
-        truth._without_costliest(values[[0, 2]], costly[[0, 2]])
+        truth.without_costliest(values[[0, 2]], costly[[0, 2]])
 
 
 def test_the_blind_see_no_hazard_and_the_rest():

@@ -5,9 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as effort
 from hypothesis import strategies as st
+from occ_constraints_pkg.learning.edges import MOST_ESTIMATED, MOST_EVEN
 from occ_constraints_pkg.learning.safe_set import fit_safe_set
 from occ_constraints_pkg.learning.settings import OCTreeSettings
-from occ_constraints_pkg.learning.trimming import MOST_ESTIMATED, make_units, trim
+from occ_constraints_pkg.learning.trimming import edges_of, make_units, trim
 from strategies import samples
 
 SHARES = st.sampled_from([None, 0.0, 0.01, 0.05, 0.3, 0.9])
@@ -34,6 +35,9 @@ def test_no_more_than_the_share_is_outside_and_bounds_are_samples(values, share,
     limits = np.stack([values.min(axis=0) - 1.0, values.max(axis=0)], axis=1)
     limits[:] = limits[:, 0].min(), limits[:, 1].max()
     most = MOST_ESTIMATED if share is None else share
+    if share is None:
+        ends = [end for unit in make_units(values, families, limits) for end in edges_of(unit)]
+        most += MOST_EVEN * sum(end is not None and end.is_even for end in ends)
     assert outside(values, share, families, limits) <= most + 1e-12
     for unit, cut in zip(
         make_units(values, families, limits), trims(values, share, families, limits), strict=True
@@ -122,3 +126,54 @@ def test_a_chain_is_ordered_by_what_its_cuts_buy():
     assert tree.feature == 2
     assert tree.branches[0].node.feature == 1
     assert fit_safe_set(values, OCTreeSettings(contamination=0.01, max_depth=1)).depth == 1
+
+
+def worsened(rng, share, radius=0.2, reach=3.0):
+    """Sectors of one who keeps a distance, but for a share of the samples, anywhere within it."""
+    sectors = walk(rng, 0.05)
+    distance = radius * np.sqrt(rng.random(int(share * len(sectors))))
+    rows = rng.choice(len(sectors), len(distance), replace=False)
+    sectors[rows] = 0.0
+    sectors[rows, rng.integers(0, 8, len(rows))] = 1.0 - distance / reach
+    return sectors
+
+
+BOUNDED = np.full((8, 2), [0.0, 1.0])
+
+
+@pytest.mark.parametrize('share', [0.02, 0.05, 0.1, 0.15])
+def test_bad_samples_do_not_move_the_edge_however_many_they_are(share):
+    sectors = worsened(np.random.default_rng(4), share)
+    (cut,) = trims(sectors, None, [range(8)], BOUNDED)
+    assert 3.0 * (1.0 - cut.high) == pytest.approx(0.2, rel=0.06)
+    assert outside(sectors, None, [range(8)], BOUNDED) == pytest.approx(share, abs=0.012)
+
+
+def test_a_stated_share_goes_to_bad_samples_first():
+    rng = np.random.default_rng(5)
+    values = np.column_stack([worsened(rng, 0.1), rng.normal(size=(20000, 3))])
+    limits = np.concatenate([BOUNDED, np.full((3, 2), [-np.inf, np.inf])])
+    for share in (0.02, 0.05, 0.1):
+        (cut, *others) = trims(values, share, [range(8)], limits)
+        assert np.mean(values[:, :8].max(axis=1) > cut.high) == pytest.approx(share, abs=1e-4)
+        assert all((other.low, other.high) == other.extent for other in others)
+    # What is stated beyond that is spent as well.
+    assert outside(values, 0.15, [range(8)], limits) == pytest.approx(0.15, abs=0.01)
+
+
+def test_who_drives_along_walls_is_not_taken_for_bad():
+    rng = np.random.default_rng(6)
+    sectors = walk(rng, 0.0)
+    along = rng.choice(len(sectors), len(sectors) // 5, replace=False)
+    sectors[along, 0] = 1.0 - rng.uniform(0.12, 0.18, len(along)) / 3.0
+    assert outside(sectors, None, [range(8)], BOUNDED) <= MOST_ESTIMATED + 1e-12
+
+
+def test_idle_sensors_at_the_end_of_their_range_are_not_bad():
+    rng = np.random.default_rng(7)
+    ranges = 3.0 * (1.0 - walk(rng, 0.3))
+    # Nearly everywhere something is in range, except in a tenth of the samples.
+    ranges *= rng.uniform(0.3, 0.7, len(ranges))[:, np.newaxis]
+    ranges[rng.choice(len(ranges), len(ranges) // 10, replace=False)] = 3.0
+    limits = np.full((8, 2), [0.0, 3.0])
+    assert outside(ranges, None, [range(8)], limits) <= MOST_ESTIMATED + 1e-12

@@ -91,6 +91,7 @@ def learn(
     apart: Sequence[tuple[str, str]] = (),
     false_alarm: float | None = None,
     calibrate_on: Paths = (),
+    families: bool = True,
     seed: int = 0,
     **settings: Any,
 ) -> Constraints:
@@ -112,6 +113,8 @@ def learn(
             guarantee.
         calibrate_on: safe episodes for that guarantee, from which nothing is learned; none: held-
             out episodes of ``paths``.
+        families: whether columns of tables that are named and behave like one measurement in
+            several directions (``d_0`` to ``d_15``) are taken for a family, with the same bounds.
         seed: chooses the held-out episodes.
         settings: attributes of :class:`~occ_constraints_pkg.learning.settings.OCTreeSettings`,
             for example ``contamination=0.01``.
@@ -142,6 +145,7 @@ def learn(
         conditional=chosen_conditions(conditions, apart),
         false_alarm=false_alarm,
         calibrate_on=_listed(calibrate_on),
+        families=families,
         warn=sentences.append,
     )
     for sentence in sentences:

@@ -64,6 +64,12 @@ if TYPE_CHECKING:
     help='Features or families that no rule may combine; may be repeated.',
 )
 @click.option(
+    '--no-families',
+    is_flag=True,
+    help='Take no columns of tables for one family, with the same bounds, that are named and '
+    'behave like one measurement in several directions.',
+)
+@click.option(
     '--false-alarm',
     type=float,
     help='Move the bounds outward until a fresh safe episode raises an alarm with at most this '
@@ -101,6 +107,7 @@ def learn(
     output: str | None,
     conditions: str | None,
     apart: tuple[str, ...],
+    no_families: bool,
     false_alarm: float | None,
     calibrate_on: tuple[str, ...],
     compare_depths: bool,
@@ -127,8 +134,17 @@ def learn(
             ('false_alarm', 'calibrate_on', 'overwrite'),
             'has no effect with --compare-depths',
         )
-        folder = output or 'results'
-        _compare_depths(paths, map_name, scored, folder, settings, conditional, seed, as_json)
+        _compare_depths(
+            paths,
+            map_name,
+            not no_families,
+            scored,
+            output or 'results',
+            settings,
+            conditional,
+            seed,
+            as_json,
+        )
         return
     refuse_options(('scored',), 'needs --compare-depths')
     import numpy as np
@@ -150,6 +166,7 @@ def learn(
             conditional=conditional,
             false_alarm=false_alarm,
             calibrate_on=calibrate_on,
+            families=not no_families,
             progress=progress,
             warn=warnings.append,
         )
@@ -168,6 +185,7 @@ def learn(
 def _compare_depths(
     paths: tuple[str, ...],
     map_name: str | None,
+    families: bool,
     scored: tuple[str, ...],
     output: str,
     settings: OCTreeSettings,
@@ -179,6 +197,7 @@ def _compare_depths(
     import numpy as np
 
     from occ_constraints_pkg.datasets.reading import read_demonstrations
+    from occ_constraints_pkg.demonstrations.families import take_families
     from occ_constraints_pkg.features.feature_map import load_feature_map
     from occ_constraints_pkg.learning.conditional.settings import resolved_conditions
     from occ_constraints_pkg.learning.depths import ablate_depth, depths_document, describe_depths
@@ -194,6 +213,10 @@ def _compare_depths(
     truth = None
     with progress_bar('reading') as progress:
         data, space = read_demonstrations(paths, feature_map, progress=progress)
+    if families and feature_map is None:
+        space, sentences = take_families(data, space, settings)
+        for sentence in sentences:
+            warn(sentence)
     if scored:
         with progress_bar('reading') as progress:
             judged, _ = read_demonstrations(scored, feature_map, space, progress=progress)

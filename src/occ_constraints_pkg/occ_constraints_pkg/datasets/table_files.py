@@ -23,6 +23,12 @@ from occ_constraints_pkg.rules.space import Feature, FeatureSpace
 # Columns that are no features. Tables of a simulation call the cost `true_cost`, as its topics do.
 _EPISODE, _COSTS = 'episode', ('cost', 'true_cost')
 _NPZ_ARRAYS = ('features', 'names', 'units', 'families', 'bounds', _EPISODE, *_COSTS)
+# Arrays that say of features what their values do not, with one entry for each.
+_DESCRIBING = {
+    'names': 'text',
+    'bounds': 'the smallest and largest possible value, infinite for none',
+    'families': 'the same text for all directions of one sensor, empty for none',
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,12 +41,14 @@ class _Content:
         values: (n, k) float64.
         episode: (n,) float64, None where the file does not tell episodes apart.
         cost: (n,) float64, None where the file has none.
+        missing: keys of :data:`_DESCRIBING` that an archive lacks.
     """
 
     features: tuple[Feature, ...]
     values: np.ndarray
     episode: np.ndarray | None
     cost: np.ndarray | None
+    missing: tuple[str, ...] = ()
 
 
 def is_table_file(path: str | Path) -> bool:
@@ -83,19 +91,21 @@ def read_tables(
 
     Returns:
         The rows, and the feature space of its columns: ``space``, or that of the first file. The
-        stamp of a row is its number in its file, from 0.
+        stamp of a row is its number in its file, from 0. Without ``space``, a warning says what
+        describes the features of an archive that does not name them.
 
     Raises:
         OccError: a file cannot be read, lacks a feature, holds text where a number should be, has
             no rows, or states another unit than ``space``.
     """
-    episodes, contents = [], []
+    episodes, contents, warnings = [], [], []
     for path in map(Path, paths):
         content = _read(path, None if space is None else space.names)
         if not len(content.values):
             raise DataError(f'{path} has no rows; allowed are one or more')
         if space is None:
             space = _space(content.features, path)
+            warnings += _not_named(content, path)
         contents.append(_in_order(content, space, path))
         numbers = np.zeros(len(content.values)) if content.episode is None else content.episode
         if not np.isfinite(numbers).all():
@@ -124,6 +134,7 @@ def read_tables(
             {'name': Path(path).name, 'sha256': sha256_of([Path(path)]), 'rows': count}
             for path, count in zip(paths, counts, strict=True)
         ),
+        warnings=tuple(warnings),
     )
     return data, space
 
@@ -148,6 +159,19 @@ def _space(features: tuple[Feature, ...], path: Path) -> FeatureSpace:
         return FeatureSpace(tuple(replace(item, unit=item.unit or '1') for item in features))
     except OccError as error:
         raise DataError(f'{path}: {error}') from error
+
+
+def _not_named(content: _Content, path: Path) -> list[str]:
+    """Return what would describe the features of an archive that does not name them."""
+    if 'names' not in content.missing:
+        return []
+    count = len(content.features)
+    called = 'x0' if count == 1 else f'x0 ... x{count - 1}'
+    arrays = '; '.join(f'{name!r}: {_DESCRIBING[name]}' for name in content.missing)
+    return [
+        f'{path} does not describe its features, here called {called}, so rules know neither '
+        f'their physical bounds nor which of them belong together; add arrays to it ({arrays})'
+    ]
 
 
 def _in_order(content: _Content, space: FeatureSpace, path: Path) -> _Content:
@@ -214,7 +238,13 @@ def _read_npz(path: Path, _wanted: Collection[str] | None) -> _Content:
                 'apart already; allowed is one of them'
             )
         columns[_EPISODE] = np.repeat(np.arange(shape[0], dtype=np.float64), shape[1])
-    return _Content(features, values.reshape(-1, width), columns.get(_EPISODE), columns.get(cost))
+    return _Content(
+        features,
+        values.reshape(-1, width),
+        columns.get(_EPISODE),
+        columns.get(cost),
+        tuple(name for name in _DESCRIBING if name not in arrays),
+    )
 
 
 def _npz_features(arrays: dict[str, np.ndarray], width: int, path: Path) -> tuple[Feature, ...]:

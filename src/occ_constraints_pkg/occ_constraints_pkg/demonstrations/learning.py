@@ -12,6 +12,7 @@ import numpy as np
 from occ_constraints_pkg.datasets.dataset import Dataset, without_repeats
 from occ_constraints_pkg.datasets.reading import read_demonstrations
 from occ_constraints_pkg.demonstrations.concerns import concerns
+from occ_constraints_pkg.demonstrations.families import take_families
 from occ_constraints_pkg.errors import ConfigurationError, DataError
 from occ_constraints_pkg.features.feature_map import FeatureMap
 from occ_constraints_pkg.learning.conditional import ConditionalSettings
@@ -36,6 +37,7 @@ def learn_from_files(
     conditional: ConditionalSettings | None = None,
     false_alarm: float | None = None,
     calibrate_on: Sequence[str | Path] = (),
+    families: bool = True,
     progress: Callable[[int, int], None] | None = None,
     warn: Callable[[str], None] | None = None,
 ) -> Constraints:
@@ -53,6 +55,9 @@ def learn_from_files(
             :func:`~occ_constraints_pkg.learning.learn.learn`; ``None`` for no guarantee.
         calibrate_on: recordings or tables of safe episodes for that guarantee, from which nothing
             is learned; none: held-out episodes of ``paths``.
+        families: whether columns of tables that look like one measurement in several directions
+            are taken for a family, see :func:`.take_families`. With a feature map, which declares
+            them, ``warn`` is told.
         progress: called with (messages read, messages in all); not for tables.
         warn: called with a sentence for each thing that is damaged, for samples left out, and for
             what is likely not meant, see :mod:`~occ_constraints_pkg.demonstrations.concerns`.
@@ -67,6 +72,9 @@ def learn_from_files(
         raise ConfigurationError('calibrate_on is given without false_alarm; give both or neither')
     data, space = read_demonstrations(paths, feature_map, progress=progress)
     data, repeats = without_repeats(data)
+    taken: list[str] = []
+    if families and feature_map is None:
+        space, taken = take_families(data, space, settings)
     safe, safe_episodes = None, None
     if calibrate_on:
         safe, _ = read_demonstrations(calibrate_on, feature_map, space, progress=progress)
@@ -95,7 +103,8 @@ def learn_from_files(
         origin=data.origin,
     )
     if warn is not None:
-        sentences = [*_damage(data, constraints), *repeats, *concerns(data, space, settings)]
+        sentences = [*_damage(data, constraints), *repeats, *taken]
+        sentences += concerns(data, space, settings, families=families)
         sentences += _of_conditions(data, space, conditional, constraints, asked=asked)
         for sentence in (*sentences, *(() if safe is None else safe.warnings)):
             warn(sentence)

@@ -26,7 +26,8 @@ class OCTreeSettings:
         contamination: for ``mass``: share of the demonstrated samples that may lie outside,
             distributed over the features so that the safe set becomes smallest. ``None`` estimates
             the bounds, with at most
-            :data:`~occ_constraints_pkg.learning.trimming.MOST_ESTIMATED` of the samples outside.
+            :data:`~occ_constraints_pkg.learning.edges.MOST_ESTIMATED` of the samples outside, and
+            :data:`~occ_constraints_pkg.learning.edges.MOST_EVEN` where these are bad for sure.
         gamma: for ``density``: share of the largest density below which values are outliers.
         alpha: a minimum of the density at most this share of the lower neighbouring maximum
             splits an interval; 0 never splits. The article advises 0.5.

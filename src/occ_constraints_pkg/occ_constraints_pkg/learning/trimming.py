@@ -17,13 +17,8 @@ import numpy as np
 
 from occ_constraints_pkg.learning.density import bandwidth
 from occ_constraints_pkg.learning.division import LARGEST, is_eligible
+from occ_constraints_pkg.learning.edges import MOST_ESTIMATED, MOST_EVEN, Edge, estimate_edge
 
-MOST_ESTIMATED = 0.05
-"""Largest share of the samples outside if the user states none, and the share of its time that a
-demonstrator who ignores obstacles would be outside."""
-
-# Share of the samples of a family that count as free movement.
-_FREE = 0.5
 # Bisection steps for the price of a stated share, to one part in 1e9.
 _HALVINGS = 30
 # Size of a subsample for rough estimates.
@@ -96,6 +91,17 @@ def make_units(
     return sorted(units, key=lambda unit: unit.features)
 
 
+def edges_of(unit: Unit) -> tuple[Edge | None, Edge | None]:
+    """Return the lower and the upper edge of a family; ``None`` where nothing bounds it."""
+    lower, upper = (
+        estimate_edge(sign * (values - limit)) if unit.is_family and np.isfinite(limit) else None
+        for values, sign, limit in zip(
+            (unit.smallest, unit.largest), (1.0, -1.0), unit.limits, strict=True
+        )
+    )
+    return lower, upper
+
+
 def most_outside(count: int, contamination: float | None) -> int:
     """Return how many of ``count`` samples may lie outside."""
     return int((MOST_ESTIMATED if contamination is None else contamination) * count)
@@ -108,34 +114,35 @@ class _Tail(NamedTuple):
         values: (r + 1,) the outermost samples; r of them may be left outside.
         beyond: (r + 1,) share of the unit's range that a bound there leaves outside.
         members: number of features that the bound serves.
-        edge: estimated end of a family, as distance to the physical bound, or ``None``.
+        edge: estimated end of a family, or ``None``.
         distances: (r + 1,) distances to the physical bound, ascending.
     """
 
     values: np.ndarray
     beyond: np.ndarray
     members: int
-    edge: float | None
+    edge: Edge | None
     distances: np.ndarray
 
-    def beyond_edge(self, edge: float, room: int) -> int:
+    def beyond_edge(self, edge: Edge, room: int) -> int:
         """Return how many samples lie beyond the edge, at most ``room``; equal ones together."""
-        outside = min(int(np.searchsorted(self.distances, edge)), room)
+        outside = min(edge.beyond, room)
         return int(np.searchsorted(self.distances, self.distances[outside]))
 
 
 def trim(units: Sequence[Unit], contamination: float | None) -> list[Trim | None]:
     """Bound each unit, so that in total at most a given share of the samples is outside.
 
-    With a stated share: at the price that spends that share. A bound of a whole family makes the
-    safe set smaller in each of its features, so its worth counts once for each.
+    Without a stated share: bad samples, a share :data:`MOST_ESTIMATED` of all, are assumed to be
+    uniform over the range of one unknown feature; a feature is cut where there are fewer samples
+    than that. A family with a physical bound (for the sectors of a lidar: contact) ends at its
+    edge, see :mod:`~occ_constraints_pkg.learning.edges`, which does not depend on how careful the
+    demonstrator was. What an edge with an even tail leaves outside, up to :data:`MOST_EVEN`, does
+    not count in the total.
 
-    Without: bad samples, a share :data:`MOST_ESTIMATED` of all, are assumed to be uniform over the
-    range of one unknown feature; a feature is cut where there are fewer samples than that. A family
-    with a physical bound (for the sectors of a lidar: contact) ends where a demonstrator who
-    ignores obstacles would be outside for that share of its time. Half of the samples are assumed
-    to be such free movement, and the share closer than a distance to grow with its square, as areas
-    do. So the estimate does not depend on how careful the demonstrator was.
+    With a stated share: at the price that spends it. A bound of a whole family makes the safe set
+    smaller in each of its features, so its worth counts once for each. Edges with an even tail are
+    served first: of a share that is too small, none is spent elsewhere.
 
     Args:
         units: what to bound, at least one.
@@ -145,24 +152,49 @@ def trim(units: Sequence[Unit], contamination: float | None) -> list[Trim | None
         For each unit its interval; ``None`` where it is not eligible, see
         :func:`~occ_constraints_pkg.learning.division.is_eligible`.
     """
-    share = MOST_ESTIMATED if contamination is None else contamination
     count = len(units[0].smallest)
     room = most_outside(count, contamination)
-    found = [_tails(unit, room, share if contamination is None else None) for unit in units]
+    found = [_tails(unit, room, is_estimated=contamination is None) for unit in units]
     tails = [tail for pair in found if pair is not None for tail in pair]
-    price = share / sum(len(unit.features) for unit in units)
-    priced = [index for index, tail in enumerate(tails) if tail.edge is None]
+    price = MOST_ESTIMATED / sum(len(unit.features) for unit in units)
     outside = np.zeros(len(tails), dtype=np.int64)
-    if priced:
-        worth = np.stack([tails[index].members * tails[index].beyond for index in priced])
-        if contamination is not None:
-            price = _spending_price(worth, price, count, room)
-        outside[priced] = _bought(worth, price, count)
-    for index, tail in enumerate(tails):
-        if tail.edge is not None:
-            outside[index] = tail.beyond_edge(tail.edge, max(0, room - int(outside.sum())))
+    if contamination is None:
+        _estimate(tails, outside, price, count, room)
+    elif tails:
+        price *= contamination / MOST_ESTIMATED
+        for index, tail in enumerate(tails):
+            if tail.edge is not None:
+                outside[index] = tail.beyond_edge(tail.edge, room - int(outside.sum()))
+        worth = np.stack([tail.members * tail.beyond for tail in tails])
+        price = _spending_price(worth, price, count, room, outside)
+        outside = np.maximum(outside, _bought(worth, price, count))
     numbers = iter(outside.reshape(-1, 2).tolist())
     return [None if pair is None else _trim(pair, next(numbers), count) for pair in found]
+
+
+def _estimate(
+    tails: Sequence[_Tail], outside: np.ndarray, price: float, count: int, room: int
+) -> None:
+    """Set how many samples to leave outside, for each tail, if no share is stated.
+
+    Args:
+        tails: t of them.
+        outside: (t,) zeros; changed.
+        price: of a worth of 1, as a share of the samples.
+        count: number of samples.
+        room: most samples outside, but for those beyond edges with an even tail.
+    """
+    priced = [index for index, tail in enumerate(tails) if tail.edge is None]
+    if priced:
+        worth = np.stack([tails[index].members * tails[index].beyond for index in priced])
+        outside[priced] = _bought(worth, price, count)
+    left = room - int(outside.sum())
+    for index, tail in enumerate(tails):
+        if tail.edge is not None and tail.edge.is_even:
+            outside[index] = tail.beyond_edge(tail.edge, len(tail.values) - 1)
+        elif tail.edge is not None:
+            outside[index] = tail.beyond_edge(tail.edge, max(0, left))
+            left -= int(outside[index])
 
 
 def _bought(worth: np.ndarray, price: float, count: int) -> np.ndarray:
@@ -178,16 +210,28 @@ def _bought(worth: np.ndarray, price: float, count: int) -> np.ndarray:
     return np.argmax(price * worth - shares, axis=1)
 
 
-def _spending_price(worth: np.ndarray, price: float, count: int, room: int) -> float:
-    """Return the largest price, to rounding, at which at most ``room`` samples are outside."""
+def _spending_price(
+    worth: np.ndarray, price: float, count: int, room: int, least: np.ndarray
+) -> float:
+    """Return the largest price, to rounding, at which at most ``room`` samples are outside.
+
+    Args:
+        worth: (t, r + 1) what leaving 0 to r samples outside is worth, for each tail.
+        price: of the share per feature.
+        count: number of samples.
+        room: most samples outside.
+        least: (t,) how many are outside at any price.
+    """
 
     def is_affordable(price: float) -> bool:
-        return int(_bought(worth, price, count).sum()) <= room
+        return int(np.maximum(least, _bought(worth, price, count)).sum()) <= room
 
-    # Half the price of the share per feature is affordable: neither side of a unit is worth more
-    # than its whole range. (Without a stated share the whole price is: sides that do not cross
-    # share one range, and if they crossed all samples would be outside.)
+    # Half the price of the share per feature is affordable unless edges take it: neither side of a
+    # unit is worth more than its whole range. (Without a stated share the whole price is: sides
+    # that do not cross share one range, and if they crossed all samples would be outside.)
     low, high = price / 2, float(count) ** 2
+    if not is_affordable(low):
+        return 0.0
     if is_affordable(high):
         return high
     for _ in range(_HALVINGS):
@@ -196,27 +240,28 @@ def _spending_price(worth: np.ndarray, price: float, count: int, room: int) -> f
     return low
 
 
-def _tails(unit: Unit, room: int, careless: float | None) -> tuple[_Tail, _Tail] | None:
+def _tails(unit: Unit, room: int, *, is_estimated: bool) -> tuple[_Tail, _Tail] | None:
     """Return the lower and the upper tail of a unit, or ``None`` if it is not eligible.
 
     Args:
         unit: what to bound.
-        room: most samples to leave outside.
-        careless: share of its time that a demonstrator who ignores obstacles would spend beyond
-            the edge of a family; ``None`` for no edge.
+        room: most samples to leave outside, but beyond an edge with an even tail.
+        is_estimated: whether no share is stated. With one, only edges with an even tail count.
     """
     count = len(unit.smallest)
     # Contiguous: they are read several times.
     lower = np.ascontiguousarray(unit.smallest)
     upper = np.ascontiguousarray(unit.largest) if unit.is_family else lower
     pair = []
-    for values, sign, limit in zip((lower, upper), (1.0, -1.0), unit.limits, strict=True):
-        ends = _outermost(values, room, sign)
-        edge, distances = None, ends
-        if careless is not None and unit.is_family and np.isfinite(limit):
-            middle = np.partition(sign * values, count // 2)[count // 2]
-            distances = sign * (ends - limit)
-            edge = (middle - sign * limit) * np.sqrt(careless / _FREE)
+    sides = zip((lower, upper), (1.0, -1.0), unit.limits, edges_of(unit), strict=True)
+    for values, sign, limit, estimated in sides:
+        edge, most = estimated, room
+        if edge is not None and is_estimated and edge.is_even:
+            most = max(room, min(edge.beyond, int(MOST_EVEN * count)))
+        elif edge is not None and not is_estimated and not edge.is_even:
+            edge = None
+        ends = _outermost(values, most, sign)
+        distances = ends if edge is None else sign * (ends - limit)
         pair.append((ends, sign, edge, distances))
     start, end = pair[0][0][0], pair[1][0][0]
     if start == end or max(-start, end) > LARGEST:

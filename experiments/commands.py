@@ -242,6 +242,7 @@ def highway(output: Path, as_json: bool, **given: Any) -> None:
 @click.option(
     '--workers', default=0, type=_AT_LEAST_0, help='Runs at a time; default: one per core.'
 )
+@click.option('--seeds', type=_AT_LEAST_1, help='Only so many of the first seeds; default: all.')
 @click.option(
     *('-o', '--output'),
     type=click.Path(file_okay=False, path_type=Path),

@@ -21,6 +21,7 @@ from experiments.paper.experiments import (
     wanted_jobs,
     write_page,
 )
+from experiments.paper.jobs import Job
 from experiments.paper.pictures import draw
 from experiments.paper.plan import QUICK, Scale
 from experiments.paper.runner import run_jobs
@@ -42,6 +43,7 @@ def run_paper(
     status: bool = False,
     tables: bool = False,
     workers: int = 0,
+    seeds: int | None = None,
     output: Path | None = None,
     workspace: Path | None = None,
     report: Callable[[str], None] = lambda _: None,
@@ -54,6 +56,7 @@ def run_paper(
         status: run nothing, and tell how far they are.
         tables: run nothing, and make tables and pictures of the store.
         workers: runs at a time; 0: one per core.
+        seeds: run only so many of the first seeds.
         output: folder of the store and of pictures.
         workspace: folder for the files of runs.
         report: called with sentences for the user.
@@ -76,8 +79,9 @@ def run_paper(
     workspace = workspace or (_QUICK / 'work' if quick else _WORKSPACE)
     store = Store(output)
     failed: dict[str, str] = {}
+    command = ' '.join(['python -m experiments paper', *names, *(['--quick'] if quick else [])])
     if not status and not tables:
-        failed = _run(names, scale, store, workspace, workers, quick, report)
+        failed = _run(wanted_jobs(names, scale, seeds), store, workspace, workers, command, report)
     lines = store.lines()
     if not status:
         # The page of the documentation shows the committed results.
@@ -90,12 +94,11 @@ def run_paper(
 
 
 def _run(
-    names: Sequence[str],
-    scale: Scale,
+    jobs: Sequence[Job],
     store: Store,
     workspace: Path,
     workers: int,
-    quick: bool,
+    command: str,
     report: Callable[[str], None],
 ) -> dict[str, str]:
     last, reported = time.monotonic(), -1
@@ -108,11 +111,11 @@ def _run(
         report(f'{done} of {total} runs done')
 
     failed = run_jobs(
-        wanted_jobs(names, scale),
+        jobs,
         store,
         workspace,
         workers=workers,
-        command=' '.join(['python -m experiments paper', *names, *(['--quick'] if quick else [])]),
+        command=command,
         progress=progress,
         is_stopped=lambda: stop_request.made,
     )

@@ -32,10 +32,17 @@ EXPERIMENTS: dict[str, Any] = {
 _BLOCK = re.compile(r'(<!-- table (\w+) -->\n).*?(\n?<!-- end -->)', re.DOTALL)
 
 
-def wanted_jobs(names: Sequence[str], scale: Scale) -> list[Job]:
-    """Return the runs of some experiments, each once, in the order of the experiments."""
-    jobs = [job for name in names for job in EXPERIMENTS[name].jobs(scale)]
-    return list({job.id: job for job in jobs}.values())
+def wanted_jobs(names: Sequence[str], scale: Scale, seeds: int | None = None) -> list[Job]:
+    """Return the runs of some experiments, each once, those without training first.
+
+    Args:
+        names: of the experiments.
+        scale: the runs.
+        seeds: only so many of the first seeds; None: all.
+    """
+    jobs = {job.id: job for name in names for job in EXPERIMENTS[name].jobs(scale)}
+    chosen = [job for job in jobs.values() if seeds is None or job.seed < seeds]
+    return sorted(chosen, key=lambda job: job.size > 0)
 
 
 def all_tables(lines: Lines, scale: Scale) -> dict[str, str]:
@@ -92,7 +99,7 @@ def progress_rows(
     workers = workers or len(os.sched_getaffinity(0))
     rows = []
     for name in names:
-        jobs = EXPERIMENTS[name].jobs(scale)
+        jobs = wanted_jobs([name], scale)
         left = in_order(jobs, lines, workspace)
         made = {job.id: _steps_made(job, workspace) for job in left}
         seconds = [_seconds_left(job, made[job.id], lines) for job in left]
@@ -100,8 +107,8 @@ def progress_rows(
         rows.append(
             {
                 'experiment': name,
-                'runs': len({job.id for job in jobs}),
-                'done': sum(job.id in lines for job in {job.id: job for job in jobs}.values()),
+                'runs': len(jobs),
+                'done': sum(job.id in lines for job in jobs),
                 'to do with what they need': len(left),
                 'million steps left': sum(job.size - made[job.id] for job in left) / 1e6,
                 'hours left': sum(known) / workers / 3600 if len(known) == len(left) else None,

@@ -58,6 +58,12 @@ class Job:
         return f'{self.kind} {", ".join(f"{k}={v}" for k, v in self.arguments.items())}'
 
     @property
+    def seed(self) -> int:
+        """The seed that it or a run that it needs has; the largest, if there are several."""
+        own = self.arguments.get('seed', 0)
+        return max([own, *(need.seed for need in self.needs.values())])
+
+    @property
     def folder(self) -> str:
         """The path of its folder in a workspace."""
         words = '_'.join(str(value) for value in self.arguments.values())

@@ -143,6 +143,8 @@ def _training_curves(lines: Lines, scale: Scale) -> Figure | None:
         for task in scale.tasks
         for method in safety_gym.METHODS
     }
+    # Where no episode has ended yet there is nothing to draw.
+    found = {key: [x for x in items if x['curve']['steps']] for key, items in found.items()}
     tasks = [task for task in scale.tasks if any(found[task, m] for m in safety_gym.METHODS)]
     if not tasks:
         return None
@@ -161,7 +163,8 @@ def _training_curves(lines: Lines, scale: Scale) -> Figure | None:
     axes[1, 0].set_ylabel('true cost')
     for axis in axes.ravel():
         axis.grid(alpha=0.3)
-    axes[0, 0].legend(fontsize=8)
+    for axis in axes[0]:
+        axis.legend(fontsize=8)
     return figure
 
 
@@ -169,7 +172,6 @@ def _band(
     axis: Axes, curves: Sequence[Mapping[str, Sequence[float]]], name: str, label: str
 ) -> None:
     """Draw the mean over runs, and its 95 % interval if there are several."""
-    curves = [curve for curve in curves if curve['steps']]
     if not curves:
         return
     length = max(len(curve['steps']) for curve in curves)

@@ -42,7 +42,7 @@ class Scale:
     push_steps: int = 6_000_000
     nav_steps: int = 400_000
     highway_steps: int = 600_000
-    short_steps: int = 2_000_000
+    short_steps: int = 1_000_000
     robots: int = 64
     highway_robots: int = 256
     demonstrations: int = 50

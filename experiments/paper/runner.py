@@ -1,18 +1,19 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Performs runs in parallel, one process each, and appends their results to the store."""
+"""Performs runs in parallel, in processes of their own, and appends their results to the store."""
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 from occ_constraints_pkg.files import DirectoryLock, make_directory
 from occ_constraints_pkg.stopping import PARENT_VARIABLE
@@ -21,7 +22,6 @@ import occ_constraints_pkg
 from benchmarks.conditions import machine, versions
 from experiments.paper.jobs import Job, in_order
 from experiments.paper.store import Store
-from experiments.paper.work import STOPPED
 
 _ROOT = Path(__file__).parents[2]
 _POLL_SECONDS = 0.1
@@ -61,12 +61,11 @@ def run_jobs(
         ConfigurationError: another process is working in the workspace.
         OccError: the store cannot be read or written.
     """
-    # The processes of runs start in the root of the clone.
+    # The processes start in the root of the clone.
     workspace = make_directory(workspace).resolve()
     lock = DirectoryLock(workspace)
     waiting = in_order(wanted, store.lines(), workspace)
     total = len(waiting)
-    running: dict[str, tuple[Job, subprocess.Popen[bytes], float]] = {}
     failed: dict[str, str] = {}
     common = {
         'command': command,
@@ -78,38 +77,39 @@ def run_jobs(
 
     def finish(job: Job, seconds: float) -> None:
         result = job.result(workspace)
-        store.append(
-            job.kind,
-            {
-                'id': job.id,
-                'kind': job.kind,
-                'arguments': dict(job.arguments),
-                'result': result,
-                # A training that went on after a cut knows how long it took in all.
-                'seconds': round(result.pop('seconds', seconds), 1),
-                'finished': datetime.now(UTC).isoformat(timespec='seconds'),
-                **common,
-            },
-        )
+        # A training that went on after a cut knows how long it took in all.
+        seconds = result.pop('seconds', seconds)
+        line = {'id': job.id, 'kind': job.kind, 'arguments': dict(job.arguments), 'result': result}
+        line |= {'seconds': round(seconds, 1), **common}
+        line['finished'] = datetime.now(UTC).isoformat(timespec='seconds')
+        store.append(job.kind, line)
 
-    with _ending(running):
+    count = workers or len(os.sched_getaffinity(0))
+    processes = [_Process(workspace, number) for number in range(min(count, total))]
+    with ThreadPoolExecutor(max(1, len(processes))) as threads, _ending(processes):
+        idle = list(processes)
+        running: dict[str, tuple[Job, _Process, Future[dict[str, str]], float]] = {}
         while (waiting or running) and not is_stopped():
-            for job in _ready(waiting, running, failed, workspace):
+            for job in _ready(waiting, workspace):
                 if job.is_complete(workspace):
                     finish(job, 0.0)
-                elif len(running) < (workers or len(os.sched_getaffinity(0))):
-                    running[job.id] = job, _start(job, workspace), time.monotonic()
+                elif idle:
+                    process = idle.pop()
+                    future = threads.submit(process.perform, job)
+                    running[job.id] = job, process, future, time.monotonic()
                 else:
                     break
                 waiting.remove(job)
-            for job, process, since in list(running.values()):
-                if process.poll() is None:
+            for job, process, future, since in list(running.values()):
+                if not future.done():
                     continue
                 del running[job.id]
-                if process.returncode == 0:
+                idle.append(process)
+                answer = future.result()
+                if answer:
+                    failed[job.id] = answer.get('error', 'it was stopped by somebody else')
+                else:
                     finish(job, time.monotonic() - since)
-                elif process.returncode != STOPPED or not is_stopped():
-                    failed[job.id] = _last_words(job, workspace, process.returncode)
             waiting = [job for job in waiting if not _needs_any(job, failed)]
             progress(total - len(waiting) - len(running), total)
             time.sleep(_POLL_SECONDS)
@@ -117,16 +117,10 @@ def run_jobs(
     return failed
 
 
-def _ready(
-    waiting: Sequence[Job], running: Mapping[str, Any], failed: Mapping[str, str], workspace: Path
-) -> list[Job]:
+def _ready(waiting: Sequence[Job], workspace: Path) -> list[Job]:
     """Return the runs that could be started now, the most urgent first."""
     return [
-        job
-        for job in waiting
-        if job.id not in running
-        and job.id not in failed
-        and all(need.is_complete(workspace) for need in job.needs.values())
+        job for job in waiting if all(need.is_complete(workspace) for need in job.needs.values())
     ]
 
 
@@ -134,48 +128,74 @@ def _needs_any(job: Job, failed: Mapping[str, str]) -> bool:
     return any(need.id in failed or _needs_any(need, failed) for need in job.needs.values())
 
 
-def _start(job: Job, workspace: Path) -> subprocess.Popen[bytes]:
-    log = _log(job, workspace)
-    make_directory(log.parent)
-    with log.open('wb') as file:
-        return subprocess.Popen(
-            [sys.executable, '-m', 'experiments.paper.work', job.as_text(), str(workspace)],
-            cwd=_ROOT,
-            stdout=file,
-            stderr=subprocess.STDOUT,
-            stdin=subprocess.DEVNULL,
-            env={**os.environ, **_SINGLE, PARENT_VARIABLE: str(os.getpid())},
-            # Ctrl-C goes to all processes of the terminal; these are stopped by this one.
-            start_new_session=True,
-        )
+class _Process:
+    """A process of :mod:`~experiments.paper.work`, started when it is first needed.
+
+    Args:
+        workspace: where it works.
+        number: of the process; names its log.
+    """
+
+    def __init__(self, workspace: Path, number: int) -> None:
+        self._workspace, self._log = workspace, workspace / f'process_{number}.log'
+        self._process: subprocess.Popen[str] | None = None
+
+    def perform(self, job: Job) -> dict[str, str]:
+        """Perform a run; return nothing if it is done, else why it is not."""
+        if self._process is None:
+            self._process = self._start()
+        process = self._process
+        assert process.stdin is not None
+        assert process.stdout is not None
+        try:
+            print(job.as_text(), file=process.stdin, flush=True)
+            answer = process.stdout.readline()
+        except BrokenPipeError:
+            answer = ''
+        if not answer:
+            self._process = None
+            code = process.wait()
+            return {'error': f'its process ended with code {code}; what it said is in {self._log}'}
+        return json.loads(answer)
+
+    def _start(self) -> subprocess.Popen[str]:
+        with self._log.open('ab') as log:
+            return subprocess.Popen(
+                [sys.executable, '-m', 'experiments.paper.work', str(self._workspace)],
+                cwd=_ROOT,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=log,
+                text=True,
+                env={**os.environ, **_SINGLE, PARENT_VARIABLE: str(os.getpid())},
+                # Ctrl-C goes to all processes of the terminal; these are stopped by this one.
+                start_new_session=True,
+            )
+
+    def end(self) -> None:
+        """Ask it to end, saved; end it if it does not."""
+        process = self._process
+        if process is None:
+            return
+        assert process.stdin is not None
+        with suppress(BrokenPipeError):
+            process.stdin.close()
+        process.terminate()
+        try:
+            process.wait(_STOP_SECONDS)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
 
 
 @contextmanager
-def _ending(running: Mapping[str, tuple[Job, subprocess.Popen[bytes], float]]) -> Iterator[None]:
-    """End the processes that still run after the block, whatever ended it."""
+def _ending(processes: Sequence[_Process]) -> Iterator[None]:
+    """End the processes after the block, whatever ended it."""
     try:
         yield
     finally:
-        processes = [process for _, process, _ in running.values()]
-        for process in processes:
-            process.terminate()
-        for process in processes:
-            try:
-                process.wait(_STOP_SECONDS)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
-
-
-def _log(job: Job, workspace: Path) -> Path:
-    return workspace / f'{job.folder}.log'
-
-
-def _last_words(job: Job, workspace: Path, code: int) -> str:
-    log = _log(job, workspace)
-    lines = log.read_text(encoding='utf-8', errors='replace').strip().splitlines()
-    words = lines[-1].removeprefix('error: ') if lines else f'it ended with code {code}'
-    return f'{words} (all that it said is in {log})'
+        with ThreadPoolExecutor(max(1, len(processes))) as threads:
+            list(threads.map(_Process.end, processes))
 
 
 def _commit() -> str | None:

@@ -77,7 +77,10 @@ def follow_example(folder: Path, needs: Mapping[str, Path], *, depth: int) -> di
     straight = extract([_BAGS / 'simple_nav_straight'], feature_map)
     expert = extract([_BAGS / 'simple_nav_expert'], feature_map)
     result: dict[str, Any] = {'tree': None}
-    for name, settings in (('paper', {**_PAPER, 'max_depth': depth}), ('default', TREES['default'])):
+    for name, settings in (
+        ('paper', {**_PAPER, 'max_depth': depth}),
+        ('default', TREES['default']),
+    ):
         learned = occ.learn(_BAGS / 'simple_nav_expert', feature_map, **settings)
         result['tree'] = result['tree'] or learned.tree
         rule_set = learned.rule_set

@@ -20,6 +20,7 @@ moved where expected features of policy and demonstrations differ most.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
 
@@ -82,7 +83,8 @@ class _Network:
 
     def restore(self, state: Mapping[str, Any]) -> None:
         self.net.load_state_dict(state['net'])
-        self.optimiser.load_state_dict(state['optimiser'])
+        # Otherwise both would write to the same moments.
+        self.optimiser.load_state_dict(deepcopy(state['optimiser']))
 
 
 class ICRL:

@@ -23,8 +23,8 @@ from experiments.highway_results import markdown, summary
 from experiments.paper.demonstrations import RULES
 from experiments.paper.jobs import Job
 from experiments.paper.plan import Scale
+from experiments.paper.stopping import StoppedError, is_stopped
 from experiments.paper.tables import Lines, results_of
-from experiments.paper.work import StoppedError, is_stopped
 
 
 def _rules_job(scenarios: str) -> Job:

@@ -39,8 +39,8 @@ from occ_constraints_pkg.worlds.stream import StepBatch
 from experiments.baselines import HULL, STATIC, Flags, HullOfMeans
 from experiments.inverse_learning import LEARNERS, Episodes, MCEStyle
 from experiments.paper.demonstrations import RULES, demonstrated
+from experiments.paper.stopping import StoppedError, is_stopped
 from experiments.paper.watched import Reward, WatchedWorld
-from experiments.paper.work import StoppedError, is_stopped
 from experiments.states import demonstrate
 
 EXPERT, FREE, OURS = 'expert', 'RL', 'ours'

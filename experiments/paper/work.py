@@ -15,18 +15,10 @@ import traceback
 from pathlib import Path
 
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.stopping import parent_is_gone, stop_request
+from occ_constraints_pkg.stopping import stop_request
 
 from experiments.paper.jobs import perform
-
-
-class StoppedError(Exception):
-    """The run was asked to stop, and has saved what it needs to go on."""
-
-
-def is_stopped() -> bool:
-    """Tell whether the run is to end: it was asked to, or its runner is gone."""
-    return stop_request.made or parent_is_gone()
+from experiments.paper.stopping import StoppedError, is_stopped
 
 
 def _answer(text: str, workspace: Path) -> dict[str, str]:

@@ -244,6 +244,9 @@ def highway(output: Path, as_json: bool, **given: Any) -> None:
 )
 @click.option('--seeds', type=_AT_LEAST_1, help='Only so many of the first seeds; default: all.')
 @click.option(
+    '--trainings/--no-trainings', default=True, help='Leave out trainings and what needs them.'
+)
+@click.option(
     *('-o', '--output'),
     type=click.Path(file_okay=False, path_type=Path),
     help='Folder of the store and of pictures.  [default: docs/results/paper]',

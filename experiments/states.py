@@ -34,11 +34,11 @@ def driver_of(world: World, name: str, rng: np.random.Generator) -> Driver:
     """
     driver = find_driver(world, name.removeprefix('blind '), rng, explore=True)
     if name.startswith('blind '):
-        return _blinded(driver, [column.name for column in world.columns])
+        return blinded(driver, [column.name for column in world.columns])
     return driver
 
 
-def _blinded(driver: Driver, names: Sequence[str]) -> Driver:
+def blinded(driver: Driver, names: Sequence[str]) -> Driver:
     """Return the driver with its hazard lidar covered up: it sees no hazard anywhere."""
     hidden = [place for place, name in enumerate(names) if name.startswith('hazards_lidar')]
 

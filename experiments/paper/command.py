@@ -44,6 +44,7 @@ def run_paper(
     tables: bool = False,
     workers: int = 0,
     seeds: int | None = None,
+    trainings: bool = True,
     output: Path | None = None,
     workspace: Path | None = None,
     report: Callable[[str], None] = lambda _: None,
@@ -57,6 +58,7 @@ def run_paper(
         tables: run nothing, and make tables and pictures of the store.
         workers: runs at a time; 0: one per core.
         seeds: run only so many of the first seeds.
+        trainings: run also what trains, or needs a training.
         output: folder of the store and of pictures.
         workspace: folder for the files of runs.
         report: called with sentences for the user.
@@ -81,7 +83,8 @@ def run_paper(
     failed: dict[str, str] = {}
     command = ' '.join(['python -m experiments paper', *names, *(['--quick'] if quick else [])])
     if not status and not tables:
-        failed = _run(wanted_jobs(names, scale, seeds), store, workspace, workers, command, report)
+        jobs = wanted_jobs(names, scale, seeds, trainings=trainings)
+        failed = _run(jobs, store, workspace, workers, command, report)
     lines = store.lines()
     if not status:
         # The page of the documentation shows the committed results.

@@ -17,7 +17,7 @@ from occ_constraints_pkg.files import TABLE, write_text
 from experiments.paper import depth, highway, pruning, safety_gym, simple_nav, transfer
 from experiments.paper.jobs import RESULT, Job, in_order
 from experiments.paper.plan import Scale
-from experiments.paper.tables import MISSING, Lines
+from experiments.paper.tables import Lines
 
 EXPERIMENTS: dict[str, Any] = {
     'simple_nav': simple_nav,
@@ -32,17 +32,20 @@ EXPERIMENTS: dict[str, Any] = {
 _BLOCK = re.compile(r'(<!-- table (\w+) -->\n).*?(\n?<!-- end -->)', re.DOTALL)
 
 
-def wanted_jobs(names: Sequence[str], scale: Scale, seeds: int | None = None) -> list[Job]:
+def wanted_jobs(
+    names: Sequence[str], scale: Scale, seeds: int | None = None, *, trainings: bool = True
+) -> list[Job]:
     """Return the runs of some experiments, each once, those without training first.
 
     Args:
         names: of the experiments.
         scale: the runs.
         seeds: only so many of the first seeds; None: all.
+        trainings: also those that train, or need a training.
     """
     jobs = {job.id: job for name in names for job in EXPERIMENTS[name].jobs(scale)}
     chosen = [job for job in jobs.values() if seeds is None or job.seed < seeds]
-    return sorted(chosen, key=lambda job: job.size > 0)
+    return sorted((job for job in chosen if trainings or not job.trains), key=lambda x: x.trains)
 
 
 def all_tables(lines: Lines, scale: Scale) -> dict[str, str]:
@@ -62,7 +65,7 @@ def with_tables(page: str, tables: Mapping[str, str]) -> str:
     """
 
     def block(match: re.Match[str]) -> str:
-        return f'{match[1]}{tables.get(match[2]) or MISSING}\n<!-- end -->'
+        return f'{match[1]}{tables[match[2]]}\n<!-- end -->'
 
     return _BLOCK.sub(block, page)
 

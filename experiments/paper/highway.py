@@ -24,7 +24,7 @@ from experiments.paper.demonstrations import RULES
 from experiments.paper.jobs import Job
 from experiments.paper.plan import Scale
 from experiments.paper.stopping import StoppedError, is_stopped
-from experiments.paper.tables import Lines, results_of
+from experiments.paper.tables import MISSING, Lines, results_of
 
 
 def _rules_job(scenarios: str) -> Job:
@@ -154,8 +154,7 @@ def summary_table(results: Mapping[str, list[dict[str, Any]]]) -> str:
 def tables(lines: Lines, scale: Scale) -> dict[str, str]:
     """Return the table of rates and returns, and the rules."""
     found = {'highway': markdown(summary(curves(lines, scale))).rstrip()}
-    for name in scale.sets:
-        for result in results_of(lines, [_rules_job(name)]):
-            text = '\n'.join(f'- {rule}' for rule in result['rules'])
-            found[f'highway_rules_{name}'] = text
+    for name in SETS:
+        rules = [rule for x in results_of(lines, [_rules_job(name)]) for rule in x['rules']]
+        found[f'highway_rules_{name}'] = '\n'.join(f'- {rule}' for rule in rules) or MISSING
     return found

@@ -64,6 +64,11 @@ class Job:
         return max([own, *(need.seed for need in self.needs.values())])
 
     @property
+    def trains(self) -> bool:
+        """Whether it or a run that it needs is a training."""
+        return self.size > 0 or any(need.trains for need in self.needs.values())
+
+    @property
     def folder(self) -> str:
         """The path of its folder in a workspace."""
         words = '_'.join(str(value) for value in self.arguments.values())

@@ -18,11 +18,7 @@ from occ_constraints_pkg.agents.policy import GaussianPolicy
 from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian
 from occ_constraints_pkg.agents.rule_cost import RuleCost
 from occ_constraints_pkg.agents.run import cost_limit
-from occ_constraints_pkg.agents.settings import (
-    PPOLagrangianConfig,
-    TrainingMetrics,
-    learner_settings,
-)
+from occ_constraints_pkg.agents.settings import TrainingMetrics, learner_settings
 from occ_constraints_pkg.agents.training import (
     CostSource,
     TrainingDirectory,
@@ -51,6 +47,8 @@ _EVALUATION_SEED = 30_000
 _CURVE_POINTS = 100
 # Steps between two improvements of a cost that is learned by training, and episodes for each.
 _FORWARD, _ROLLOUTS = 2**17, 32
+# Episodes of simple_nav are short: with the default's rollouts there would be two dozen updates.
+_LEARNER: dict[str, dict[str, Any]] = {'simple_nav': {'rollout_steps': 64, 'minibatch': 1024}}
 # Weight of the entropy in the reward of maximum causal entropy.
 _ENTROPY = 1e-3
 
@@ -209,7 +207,7 @@ class _Training:
 
     def __init__(self, path: Path, target: str, seed: int, steps: int, robots: int) -> None:
         self.path, self.target, self.seed, self._steps = path, target, seed, steps
-        PPOLagrangianConfig().check_steps('steps', steps, robots)
+        learner_settings(_LEARNER.get(target, {})).check_steps('steps', steps, robots)
         self.world = WatchedWorld(make_world(target, robots, processes=1))
         self._log = path.parent / 'watched.jsonl'
 
@@ -238,7 +236,8 @@ class _Training:
             kept = [x for x in read_metrics(self._log) if x['updates'] <= learner.updates]
             write_text(self._log, RESULTS, ''.join(json.dumps(line) + '\n' for line in kept))
         else:
-            config = learner_settings({**settings, 'decay_steps': self._steps})
+            chosen = {**_LEARNER.get(self.target, {}), **settings}
+            config = learner_settings({**chosen, 'decay_steps': self._steps})
             world = self.world
             learner = PPOLagrangian(
                 config, world.columns, world.action_columns, world.name, self.seed

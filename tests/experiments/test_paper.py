@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -28,13 +29,14 @@ from experiments.paper.store import Store
 ROOT = Path(__file__).parents[2]
 STATES = Job('states', {'world': 'simple_nav', 'episodes': 3})
 # A training that improves its cost on the way, after the first checkpoint and the first cost.
+_SMALL = replace(QUICK, robots=64)
 CUT = training_job(
-    QUICK,
+    _SMALL,
     'simple_nav',
     'ICRL',
     0,
-    rules=rules_job(QUICK, 'simple_nav', 'expert', 0),
-    steps=140_000,
+    rules=rules_job(_SMALL, 'simple_nav', 'expert', 0),
+    steps=150_000,
 )
 
 
@@ -149,7 +151,7 @@ def test_a_run_goes_on_after_its_runner_was_killed_and_ends_as_if_it_had_not_bee
         file = training / 'metrics.jsonl'
         return file.read_text().count('\n') if file.exists() else 0
 
-    for least in (1, 20):
+    for least in (1, 8):
         runner = start_runner(tmp_path)
         wait_until(lambda least=least: updates() >= least)
         children = Path(f'/proc/{runner.pid}/task/{runner.pid}/children').read_text().split()

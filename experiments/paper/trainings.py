@@ -45,8 +45,8 @@ METHODS = (EXPERT, FREE, OURS, *LEARNERS, *STATIC, HULL)
 
 _EVALUATION_SEED = 30_000
 _CURVE_POINTS = 100
-# Steps between two improvements of a cost that is learned by training, and episodes for each.
-_FORWARD, _ROLLOUTS = 2**17, 32
+# Improvements of a cost that is learned by training, and the most episodes for each.
+_IMPROVEMENTS, _MOST_ROLLOUTS = 30, 32
 # Episodes of simple_nav are short: with the default's rollouts there would be two dozen updates.
 _LEARNER: dict[str, dict[str, Any]] = {'simple_nav': {'rollout_steps': 64, 'minibatch': 1024}}
 # Weight of the entropy in the reward of maximum causal entropy.
@@ -207,7 +207,9 @@ class _Training:
 
     def __init__(self, path: Path, target: str, seed: int, steps: int, robots: int) -> None:
         self.path, self.target, self.seed, self._steps = path, target, seed, steps
-        learner_settings(_LEARNER.get(target, {})).check_steps('steps', steps, robots)
+        config = learner_settings(_LEARNER.get(target, {}))
+        config.check_steps('steps', steps, robots)
+        self.rollout = config.rollout_steps * robots
         self.world = WatchedWorld(make_world(target, robots, processes=1))
         self._log = path.parent / 'watched.jsonl'
 
@@ -306,7 +308,10 @@ def _train_inversely(
     """
     learner = LEARNERS[method](demonstrations, seed)
     saved = folder / 'cost.pt'
-    due = min(_FORWARD, steps)
+    # At least one update between two improvements.
+    forward = max(steps // _IMPROVEMENTS, training.rollout)
+    rollouts = min(_MOST_ROLLOUTS, len(np.unique(demonstrations.episodes)))
+    due = min(forward, steps)
     if saved.exists():
         state = read_checkpoint(saved)
         due = state['due']
@@ -328,8 +333,8 @@ def _train_inversely(
         if due >= steps:
             return
         policy = str(training.path / 'policy.npz')
-        learner.improve(Episodes(*demonstrate(training.target, policy, _ROLLOUTS, seed=seed + due)))
-        due = min(due + _FORWARD, steps)
+        learner.improve(Episodes(*demonstrate(training.target, policy, rollouts, seed=seed + due)))
+        due = min(due + forward, steps)
         write_checkpoint(saved, {'due': due, 'cost': learner.state()})
 
 

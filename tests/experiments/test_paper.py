@@ -28,7 +28,7 @@ from experiments.paper.store import Store
 
 ROOT = Path(__file__).parents[2]
 STATES = Job('states', {'world': 'simple_nav', 'episodes': 3})
-# A training that improves its cost on the way, after the first checkpoint and the first cost.
+# A training that improves its cost on the way, between checkpoints.
 _SMALL = replace(QUICK, robots=64)
 CUT = training_job(
     _SMALL,
@@ -36,7 +36,7 @@ CUT = training_job(
     'ICRL',
     0,
     rules=rules_job(_SMALL, 'simple_nav', 'expert', 0),
-    steps=150_000,
+    steps=40_000,
 )
 
 
@@ -124,11 +124,22 @@ sys.exit(len(run_jobs([CUT], Store(folder / 'store'), folder / 'work', workers=1
 """
 
 
-def start_runner(folder):
-    return subprocess.Popen([sys.executable, '-c', RUNNER, str(folder)], cwd=ROOT)
+@pytest.fixture
+def start_runner():
+    """Return a function that starts a runner; those that are left are ended."""
+    runners = []
+
+    def start(folder):
+        runners.append(subprocess.Popen([sys.executable, '-c', RUNNER, str(folder)], cwd=ROOT))
+        return runners[-1]
+
+    yield start
+    for runner in runners:
+        runner.kill()
+        runner.wait()
 
 
-def wait_until(condition, seconds=120.0):
+def wait_until(condition, seconds=250.0):
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end, 'waited in vain'
@@ -143,8 +154,8 @@ def is_alive(process):
     return True
 
 
-@pytest.mark.timeout(600)
-def test_a_run_goes_on_after_its_runner_was_killed_and_ends_as_if_it_had_not_been(tmp_path):
+@pytest.mark.timeout(900)
+def test_a_run_goes_on_after_its_runner_was_killed_as_if_nothing_had_been(tmp_path, start_runner):
     training = tmp_path / 'work' / CUT.folder / 'training'
 
     def updates():
@@ -162,13 +173,13 @@ def test_a_run_goes_on_after_its_runner_was_killed_and_ends_as_if_it_had_not_bee
     whole = tmp_path / 'whole'
     for folder in (tmp_path, whole):
         runner = start_runner(folder)
-        assert runner.wait(300) == 0
+        assert runner.wait(400) == 0
     cut, uncut = (Store(folder / 'store').lines()[CUT.id] for folder in (tmp_path, whole))
     assert cut['result'] == uncut['result']
-    assert cut['result']['curve']['steps'][-1] >= 130_000
+    assert cut['result']['curve']['steps'][-1] >= 36_000
 
 
-@pytest.mark.timeout(400)
+@pytest.mark.timeout(900)
 def test_everything_in_small(tmp_path):
     """What a fresh clone can be smoked with; see the time that it may take in the documentation."""
     result = run_paper((), quick=True, output=tmp_path / 'results', workspace=tmp_path / 'work')

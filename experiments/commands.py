@@ -257,6 +257,53 @@ def highway(output: Path, as_json: bool, **given: Any) -> None:
 
 
 @cli.command()
+@click.argument('names', metavar='[NAME]...', nargs=-1)
+@click.option('--quick', is_flag=True, help='Everything in two minutes; numbers mean nothing.')
+@click.option('--status', is_flag=True, help='Tell how far each experiment is, and run nothing.')
+@click.option('--tables', is_flag=True, help='Make tables and pictures anew, and run nothing.')
+@click.option(
+    '--workers', default=0, type=_AT_LEAST_0, help='Runs at a time; default: one per core.'
+)
+@click.option('--seeds', type=_AT_LEAST_1, help='Only so many of the first seeds; default: all.')
+@click.option(
+    '--trainings/--no-trainings', default=True, help='Leave out trainings and what needs them.'
+)
+@click.option(
+    *('-o', '--output'),
+    type=click.Path(file_okay=False, path_type=Path),
+    help='Folder of the store and of pictures.  [default: docs/results/paper]',
+)
+@click.option(
+    '--workspace',
+    type=click.Path(file_okay=False, path_type=Path),
+    help='Folder for policies, rules and checkpoints.  [default: runs/paper]',
+)
+@JSON
+def paper(names: tuple[str, ...], as_json: bool, **given: Any) -> None:
+    """Reproduce the paper: simple_nav, safety_gym, transfer, depth, highway, pruning.
+
+    Runs what the store of results lacks, several at a time; whatever stops it, the same command
+    goes on. Then writes tables into docs/results.md, and pictures.
+
+    \b
+    Examples:
+      python -m experiments paper simple_nav
+      python -m experiments paper --status
+    """
+    with stop_request.listening():
+        result = _module('paper.command').run_paper(names, report=report, **given)
+    if as_json:
+        print_json(result)
+    else:
+        say_lines(result['text'])
+    if stop_request.made:
+        # All is saved; reported and ended as any other stopped command.
+        raise KeyboardInterrupt
+    if result['failed']:
+        raise SystemExit(1)
+
+
+@cli.command()
 @_reads('robots')
 @click.option('--kind', 'kinds', multiple=True, help='Only this kind of robot; may be repeated.')
 @_writes()

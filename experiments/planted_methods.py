@@ -14,12 +14,9 @@ from occ_constraints_pkg.learning.octree import fit_tree
 from occ_constraints_pkg.learning.settings import OCTreeSettings
 from occ_constraints_pkg.learning.tree import Node
 
+from experiments import baselines
 from experiments.planted_problems import Problem
 
-# Share of the samples that rivals without a default of their own take for outliers, and rows that
-# a support vector machine can bear.
-_OUTLIERS = 0.01
-_SVM_ROWS = 4_000
 # Trees against permuted columns: rows, depth, least share of the rows in a leaf, and by how much
 # demonstrations have to be rarer there than permuted ones.
 _CART_ROWS, _CART_DEPTH, _CART_LEAF, _CART_RARER = 100_000, 6, 0.005, 20
@@ -110,22 +107,12 @@ def split_tree(problem: Problem) -> Learned:
 
 def isolation_forest(problem: Problem) -> Learned:
     """scikit-learn's IsolationForest."""
-    from sklearn.ensemble import IsolationForest
-
-    model = IsolationForest(random_state=0, n_jobs=1, contamination=_OUTLIERS).fit(problem.values)
-    return Learned(lambda rows: model.predict(rows) < 0)
+    return Learned(baselines.isolation_forest(problem.values))
 
 
 def one_class_svm(problem: Problem) -> Learned:
     """scikit-learn's OneClassSVM on standardised features."""
-    from sklearn.svm import OneClassSVM
-
-    rng = np.random.default_rng(0)
-    count = min(len(problem.values), _SVM_ROWS)
-    rows = problem.values[rng.choice(len(problem.values), count, replace=False)]
-    mean, deviation = problem.values.mean(axis=0), problem.values.std(axis=0) + 1e-12
-    model = OneClassSVM(nu=_OUTLIERS, gamma='scale').fit((rows - mean) / deviation)
-    return Learned(lambda rows: model.predict((rows - mean) / deviation) < 0)
+    return Learned(baselines.one_class_svm(problem.values))
 
 
 def permuted_cart(problem: Problem) -> Learned:

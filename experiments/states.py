@@ -4,15 +4,73 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
-from occ_constraints_pkg.agents.drivers import Driver
-from occ_constraints_pkg.features.feature_map import FeatureMap
+from occ_constraints_pkg.agents.drivers import DRIVERS, Driver, find_driver
+from occ_constraints_pkg.features.feature_map import FeatureMap, load_feature_map
 from occ_constraints_pkg.worlds.base import World
 from occ_constraints_pkg.worlds.registry import make_world
 from occ_constraints_pkg.worlds.stream import EpisodeStream
 
 # More robots at once are hardly faster, and their states would fill the cache.
 _AT_ONCE = 100
+
+
+def heedless_driver_name(world: str) -> str:
+    """Return the name of the driver of a world that ignores what must not be.
+
+    That is a scripted one that goes straight to the goal or, where there is none, ``blind expert``:
+    the expert with its hazard lidar covered up.
+    """
+    names = (name for name in ('straightv', 'straight') if name in DRIVERS[world])
+    return next(names, 'blind expert')
+
+
+def driver_of(world: World, name: str, rng: np.random.Generator) -> Driver:
+    """Return a driver by its name, which may be ``blind expert``; see :func:`find_driver`.
+
+    Policies sample their actions.
+    """
+    driver = find_driver(world, name.removeprefix('blind '), rng, explore=True)
+    if name.startswith('blind '):
+        return blinded(driver, [column.name for column in world.columns])
+    return driver
+
+
+def blinded(driver: Driver, names: Sequence[str]) -> Driver:
+    """Return the driver with its hazard lidar covered up: it sees no hazard anywhere."""
+    hidden = [place for place, name in enumerate(names) if name.startswith('hazards_lidar')]
+
+    def drive(observation: np.ndarray) -> np.ndarray:
+        seen = observation.copy()
+        seen[:, hidden] = 0.0
+        return driver(seen)
+
+    return drive
+
+
+def demonstrate(
+    world: str, driver: str, episodes: int, *, seed: int, explore: bool = True
+) -> tuple[np.ndarray, np.ndarray]:
+    """Let a driver demonstrate one episode with each of several robots.
+
+    Args:
+        world: name of the world, which is that of its feature map too.
+        driver: a policy file, or the name of a driver.
+        episodes: number of robots.
+        seed: of world and driver.
+        explore: sample the actions of a trained policy.
+
+    Returns:
+        (n, k) float32 features of every state in the order of time; (n,) int64, the episode of
+        each.
+    """
+    simulated = make_world(world, episodes)
+    drive = find_driver(simulated, driver, np.random.default_rng(seed), explore=explore)
+    values, robots, _ = first_episodes(simulated, drive, load_feature_map(world), seed)
+    simulated.close()
+    return values, robots
 
 
 def drive_states(

@@ -23,7 +23,7 @@ from occ_constraints_pkg.worlds.registry import make_world
 
 from benchmarks.conditions import machine, versions
 from experiments.results import markdown_table, write_results
-from experiments.states import first_episodes
+from experiments.states import demonstrate
 
 _EVALUATION_SEED = 10_000
 
@@ -148,10 +148,7 @@ def demonstrated_constraints(
         seed: of world, driver and the choice of held-out episodes.
     """
     feature_map = load_feature_map(world)
-    simulated = make_world(world, episodes)
-    drive = find_driver(simulated, driver, np.random.default_rng(seed), explore=explore)
-    values, robots, _ = first_episodes(simulated, drive, feature_map, seed)
-    simulated.close()
+    values, robots = demonstrate(world, driver, episodes, seed=seed, explore=explore)
     return learn(
         values,
         robots,

@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from occ_constraints_pkg.agents.drivers import DRIVERS, Driver, find_driver
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.features.feature_map import FeatureMap, load_feature_map
 from occ_constraints_pkg.learning.learn import learn
@@ -30,7 +29,7 @@ from occ_constraints_pkg.worlds.registry import WORLDS, make_world
 
 from benchmarks.conditions import machine, versions
 from experiments.results import earlier_results, markdown_table, write_results
-from experiments.states import drive_states
+from experiments.states import drive_states, driver_of, heedless_driver_name
 from experiments.truth_picture import draw_truth
 
 LEVELS = {'expert': None, 'mixed': 0.045}
@@ -126,19 +125,14 @@ class _Episodes:
     def __init__(self, world: str, samples: int, draws: int, seed: int) -> None:
         self.world = world
         self.map: FeatureMap = load_feature_map(world)
-        self.ignoring_name = next(
-            (name for name in ('straightv', 'straight') if name in DRIVERS[world]), 'blind expert'
-        )
+        self.ignoring_name = heedless_driver_name(world)
         steps = make_world(world, 1).max_episode_steps + 1
         needed = -(-samples // steps)
         episodes = max(2 * needed, min(draws * needed, _MOST_EPISODES))
         rng = np.random.default_rng([seed, *world.encode()])
 
         def drive(name: str, count: int, number: int) -> tuple[np.ndarray, np.ndarray]:
-            one = make_world(world, 1)
-            driver = find_driver(one, name.removeprefix('blind '), rng, explore=True)
-            if name.startswith('blind '):
-                driver = _blinded(driver, [column.name for column in one.columns])
+            driver = driver_of(make_world(world, 1), name, rng)
             return drive_states(world, driver, self.map, count, 10_000 * number + seed)
 
         self.expert = without_costliest(*drive('expert', episodes, 1))
@@ -236,18 +230,6 @@ def without_costliest(values: np.ndarray, costly: np.ndarray) -> tuple[np.ndarra
             f'allowed are {MOST_COSTLY:.0%}'
         )
     return values[kept], costly[kept]
-
-
-def _blinded(driver: Driver, names: Sequence[str]) -> Driver:
-    """Return the driver with its hazard lidar covered up: it sees no hazard anywhere."""
-    hidden = [place for place, name in enumerate(names) if name.startswith('hazards_lidar')]
-
-    def drive(observation: np.ndarray) -> np.ndarray:
-        seen = observation.copy()
-        seen[:, hidden] = 0.0
-        return driver(seen)
-
-    return drive
 
 
 def _flags(rule_set: RuleSet, states: np.ndarray) -> np.ndarray:

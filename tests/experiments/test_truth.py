@@ -11,7 +11,7 @@ from occ_constraints_pkg.errors import OccError
 pytest.importorskip('mujoco', reason='MuJoCo is not installed')
 pytest.importorskip('matplotlib', reason='matplotlib is not installed')
 
-from experiments import truth
+from experiments import states, truth
 from experiments.states import drive_states
 
 RADIUS = 0.2
@@ -100,7 +100,7 @@ def test_the_costliest_drives_are_left_out():
 def test_the_blind_see_no_hazard_and_the_rest():
     names = ['velocimeter_x', 'hazards_lidar_0', 'goal_lidar_0', 'hazards_lidar_1']
     observation = np.arange(1.0, 9.0).reshape(2, 4)
-    seen = truth._blinded(lambda rows: rows, names)(observation)
+    seen = states.blinded(lambda rows: rows, names)(observation)
     assert seen.tolist() == [[1.0, 0.0, 3.0, 0.0], [5.0, 0.0, 7.0, 0.0]]
     assert observation.all()
 

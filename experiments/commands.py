@@ -262,9 +262,9 @@ def highway(output: Path, as_json: bool, **given: Any) -> None:
 @click.option('--status', is_flag=True, help='Tell how far each experiment is, and run nothing.')
 @click.option('--tables', is_flag=True, help='Make tables and pictures anew, and run nothing.')
 @click.option(
-    '--workers', default=0, type=_AT_LEAST_0, help='Runs at a time; default: one per core.'
+    '--workers', default=0, type=AT_LEAST_0, help='Runs at a time; default: one per core.'
 )
-@click.option('--seeds', type=_AT_LEAST_1, help='Only so many of the first seeds; default: all.')
+@click.option('--seeds', type=AT_LEAST_1, help='Only so many of the first seeds; default: all.')
 @click.option(
     '--trainings/--no-trainings', default=True, help='Leave out trainings and what needs them.'
 )

@@ -41,6 +41,17 @@ def test_what_is_written_without_the_library_is_what_it_writes(document):
         assert text in (_dump(document, allow_unicode=True), _dump(document, allow_unicode=False))
 
 
+@settings(max_examples=60)
+@given(DOCUMENTS, st.integers(0, 60), st.booleans())
+def test_so_is_what_is_nested_deeply(document, levels, in_lists):
+    for _ in range(levels):
+        document = {'x': 1, 'y': [document, {'z': [[0]]}] if in_lists else document}
+    text = dump_yaml(document)
+    if not set(text) & set('\x85\u2028\u2029'):
+        assert text in (_dump(document, allow_unicode=True), _dump(document, allow_unicode=False))
+    assert same(parse_yaml(text, 'text'), _load(text))
+
+
 def same(one, other):
     """Return whether two documents are equal, types and NaN included."""
     if isinstance(one, dict):

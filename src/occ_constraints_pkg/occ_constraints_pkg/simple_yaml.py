@@ -30,8 +30,9 @@ _WORDS = {
 }
 _INTEGER = re.compile(r'-?(?:0|[1-9][0-9]*)')
 _FLOAT = re.compile(r'-?(?:0|[1-9][0-9]*)\.[0-9]+')
-# Longer lines may be folded.
+# Longer lines may be folded, and so may the lines of what is indented so far.
 _WIDTH = 95
+_DEEPEST_INDENT = 40
 
 
 def write(document: Any, by_library: Callable[[Any], str]) -> str:
@@ -45,15 +46,24 @@ def write(document: Any, by_library: Callable[[Any], str]) -> str:
     is_narrow = 2 * _depth(document) < _WIDTH // 2
     if not isinstance(document, dict) or _is_flow(document) or not is_narrow:
         return by_library(document)
-    return ''.join(_Writer(by_library).mapping(document, 0))
+    return ''.join(_Writer(by_library).document(document))
 
 
 class _Writer:
     def __init__(self, by_library: Callable[[Any], str]) -> None:
         self._library = by_library
 
-    def mapping(self, mapping: dict[Any, Any], indent: int) -> Iterator[str]:
-        """Yield the lines of a mapping in a block."""
+    def document(self, document: dict[Any, Any]) -> Iterator[str]:
+        """Yield the entries of a document."""
+        for key, value in document.items():
+            try:
+                yield ''.join(self._mapping({key: value}, 0))
+            except NotSimpleError:
+                yield self._piece({key: value}, 0)
+
+    def _mapping(self, mapping: dict[Any, Any], indent: int) -> Iterator[str]:
+        if indent > _DEEPEST_INDENT:
+            raise NotSimpleError
         for key, value in mapping.items():
             name = _scalar(key)
             if name is None:
@@ -65,7 +75,7 @@ class _Writer:
                 yield line if is_simple else self._piece({key: value}, indent)
             elif isinstance(value, dict):
                 yield f'{" " * indent}{name}:\n'
-                yield from self.mapping(value, indent + 2)
+                yield from self._mapping(value, indent + 2)
             else:
                 yield f'{" " * indent}{name}:\n'
                 yield from self._sequence(value, indent)
@@ -78,7 +88,7 @@ class _Writer:
                 is_simple = text is not None and len(line) <= _WIDTH
                 yield line if is_simple else self._piece([item], indent)
             elif isinstance(item, dict):
-                first, *others = self.mapping(item, indent + 2)
+                first, *others = self._mapping(item, indent + 2)
                 yield f'{" " * indent}- {first[indent + 2 :]}'
                 yield from others
             else:
@@ -156,7 +166,7 @@ def _scalar(value: Any) -> str | None:
 
 
 class NotSimpleError(Exception):
-    """A text that the library has to read as a whole."""
+    """A document that the library has to read or write as a whole."""
 
 
 def read(text: str, by_library: Callable[[str], Any]) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from occ_constraints_pkg.suggestion.inspection import LEAST_MESSAGES, TopicInspection
-from occ_constraints_pkg.suggestion.meanings import TURNING, is_command, words_of
+from occ_constraints_pkg.suggestion.meanings import is_command, is_turning, words_of
 
 # More than this many rad, or rad/s, are degrees.
 _MOST_ANGLE, _MOST_TURN_RATE = 7.0, 20.0
@@ -100,7 +100,7 @@ def _angles(topic: TopicInspection) -> Iterator[str]:
     found = []
     for path, series in topic.series.items():
         words = set(words_of(path))
-        if words & TURNING:
+        if is_turning(path):
             continue
         is_angle = (
             path.startswith('position[')

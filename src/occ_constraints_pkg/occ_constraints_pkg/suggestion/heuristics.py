@@ -23,10 +23,10 @@ from occ_constraints_pkg.suggestion.inspection import (
 )
 from occ_constraints_pkg.suggestion.meanings import (
     ROLES,
-    TURNING,
     Meaning,
     Role,
     is_command,
+    is_turning,
     meaning_of,
     names_a_hazard,
     words_of,
@@ -366,7 +366,7 @@ def _joint_state(topic: TopicInspection, path: str) -> Iterator[Candidate]:
             if not series.finite.size:
                 item.aside = 'it was never measured'
             elif part == 'position' and (
-                TURNING & set(words_of(place)) or series.only_rises or _turns_on(series)
+                is_turning(place) or series.only_rises or _turns_on(series)
             ):
                 item.aside = 'it turns on and on, as wheels do'
             yield item

@@ -103,7 +103,7 @@ _HAZARDS = {
 
 
 # Joints that turn without end.
-TURNING = {'wheel', 'rotor', 'propeller', 'caster', 'roller'}
+_TURNING = {'wheel', 'rotor', 'propeller', 'caster', 'roller'}
 
 
 @dataclass(frozen=True)
@@ -215,6 +215,11 @@ def words_of(name: str) -> list[str]:
 def is_command(name: str) -> bool:
     """Tell whether a topic or field says by its name that it holds commands."""
     return bool(_COMMANDS.intersection(words_of(name)))
+
+
+def is_turning(name: str) -> bool:
+    """Tell whether a name is that of a joint that turns without end, such as a wheel."""
+    return bool(_TURNING.intersection(words_of(name)))
 
 
 def names_a_hazard(name: str) -> bool:

@@ -27,6 +27,7 @@ from occ_constraints_pkg.suggestion.inspection import (
     inspect_topics,
     merged,
 )
+from occ_constraints_pkg.suggestion.meanings import is_turning
 from occ_constraints_pkg.suggestion.robots import robots_of
 from occ_constraints_pkg.suggestion.statistics import MapRows, MapStatistics, map_rows
 from occ_constraints_pkg.suggestion.tracking import tracking_errors
@@ -236,6 +237,8 @@ def _set_aside(candidates: Sequence[Candidate]) -> None:
             item.aside = f'{first["command"]} is used instead'
         elif item.once == 'gyro_z' and 'Odometry' in kinds:
             item.aside = 'turn_rate of the odometry is used instead'
+        elif item.group == 'velocity' and 'Odometry' in kinds and is_turning(item.name):
+            item.aside = 'speed and turn_rate of the odometry tell it'
 
 
 def _rename(candidates: Sequence[Candidate]) -> None:

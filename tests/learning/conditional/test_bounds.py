@@ -36,7 +36,7 @@ def test_extremes_move_outward_but_not_beyond_physical_bounds():
     assert box[0, 1] > demonstrated[0, 1]
     highest = demonstrated[0, 1] + 1e-3
     _, box, _ = fit(levels(), limits=[-np.inf, highest])
-    assert box[0, 1] == highest
+    assert demonstrated[0, 1] < box[0, 1] < highest
     demonstrated, box, _ = fit(levels(), outside=None)
     np.testing.assert_array_equal(box, demonstrated)
 

@@ -21,9 +21,13 @@ _TAIL_SHARE = 0.2
 # No margin is wider than the extremes of one in so many episodes are apart.
 _REACH = 10
 _FEWEST, _MOST = 3, 20
+# The extremes of fewer episodes say too little of those of the next one.
+_LEAST_EPISODES = 10
 # Extremes thin out if the upper fifth of them is longer than the three tenths below that; the
 # bound moves by so many times the difference.
 _THINNING = 2.0
+# The extremes of episodes with fewer samples are samples as any others.
+_LEAST_SAMPLES = 10
 
 
 def outward_margin(column: np.ndarray, episodes: np.ndarray, share: float) -> float:
@@ -42,12 +46,13 @@ def outward_margin(column: np.ndarray, episodes: np.ndarray, share: float) -> fl
     """
     starts = np.flatnonzero(np.diff(episodes, prepend=-1))
     count = len(starts)
-    if count <= _FEWEST:
+    if count < _LEAST_EPISODES:
         return 0.0
     extremes = np.sort(np.maximum.reduceat(column, starts))[::-1]
     largest, upper, middle = extremes[[0, count // 5, count // 2]].tolist()
     thinning = _THINNING * ((largest - upper) - (upper - middle))
-    thinning = max(0.0, thinning) if math.isfinite(thinning) else 0.0
+    is_thin = math.isfinite(thinning) and len(column) >= _LEAST_SAMPLES * count
+    thinning = max(0.0, thinning) if is_thin else 0.0
     tail = min(count - 1, max(_FEWEST, math.ceil(_TAIL_SHARE * count)), _MOST)
     start = extremes[tail]
     scale = float(np.mean(extremes[:tail] - start))

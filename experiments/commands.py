@@ -22,6 +22,7 @@ from occ_constraints_pkg.errors import import_needed
 from occ_constraints_pkg.stopping import stop_request
 
 _AT_LEAST_0, _AT_LEAST_1 = click.IntRange(min=0), click.IntRange(min=1)
+_REPEATED = 'May be repeated.'
 _SEED = click.option('--seed', default=0, type=_AT_LEAST_0, show_default=True)
 
 
@@ -176,6 +177,56 @@ def transfer(output: Path, as_json: bool, **given: Any) -> None:
     check_driver(given['source'], given['expert'])
     settings = _module('transfer').TransferSettings(**given)
     _run('transfer', 'training', output, as_json, settings=settings)
+
+
+@cli.command()
+@click.option(
+    '--world', 'worlds', multiple=True, default=('PointGoal1',), show_default=True, help=_REPEATED
+)
+@click.option(
+    '--cost',
+    'costs',
+    multiple=True,
+    type=click.Choice(['true', 'rules']),
+    default=('true',),
+    show_default=True,
+    help=f"That of the world, or rules of the world's expert. {_REPEATED}",
+)
+@click.option(
+    '--limit',
+    'limits',
+    multiple=True,
+    type=click.FloatRange(min=0),
+    default=(25.0,),
+    show_default=True,
+    help=_REPEATED,
+)
+@click.option('--steps', default=4_000_000, type=_AT_LEAST_1, show_default=True)
+@click.option('--first-seed', default=0, type=_AT_LEAST_0, show_default=True)
+@click.option('--seeds', default=5, type=_AT_LEAST_1, show_default=True, help='Trainings.')
+@click.option('--processes', default=1, type=_AT_LEAST_1, show_default=True)
+@_writes()
+def learner(output: Path, as_json: bool, first_seed: int, seeds: int, **given: Any) -> None:
+    """Measure how soon policies are within their cost limit.
+
+    Judges them with mean and with sampled actions, along the way and at the end, and writes
+    learner.png as well. A stopped run continues where it was.
+
+    \b
+    Example: python -m experiments learner --steps 2000000 --processes 2 -o results
+    """
+    from occ_constraints_pkg.agents.settings import PPOLagrangianConfig
+    from occ_constraints_pkg.worlds.registry import check_world
+
+    for world in given['worlds']:
+        check_world(world)
+    module = _module('learner')
+    PPOLagrangianConfig().check_steps('steps', given['steps'], module.ROBOTS)
+    _run(
+        *('learner', 'trainings', output, as_json),
+        seeds=range(first_seed, first_seed + seeds),
+        **given,
+    )
 
 
 @cli.command()

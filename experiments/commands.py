@@ -24,6 +24,8 @@ from occ_constraints_pkg.cli.common import (
 from occ_constraints_pkg.errors import import_needed
 from occ_constraints_pkg.stopping import stop_request
 
+_REPEATED = 'May be repeated.'
+
 
 @click.group(invoke_without_command=True, context_settings={'help_option_names': ['-h', '--help']})
 @click.pass_context
@@ -212,6 +214,56 @@ def transfer(output: Path, as_json: bool, **given: Any) -> None:
 
 @cli.command()
 @click.option(
+    '--world', 'worlds', multiple=True, default=('PointGoal1',), show_default=True, help=_REPEATED
+)
+@click.option(
+    '--cost',
+    'costs',
+    multiple=True,
+    type=click.Choice(['true', 'rules']),
+    default=('true',),
+    show_default=True,
+    help=f"That of the world, or rules of the world's expert. {_REPEATED}",
+)
+@click.option(
+    '--limit',
+    'limits',
+    multiple=True,
+    type=click.FloatRange(min=0),
+    default=(25.0,),
+    show_default=True,
+    help=_REPEATED,
+)
+@click.option('--steps', default=4_000_000, type=AT_LEAST_1, show_default=True)
+@click.option('--first-seed', default=0, type=AT_LEAST_0, show_default=True)
+@click.option('--seeds', default=5, type=AT_LEAST_1, show_default=True, help='Trainings.')
+@click.option('--processes', default=1, type=AT_LEAST_1, show_default=True)
+@_writes()
+def learner(output: Path, as_json: bool, first_seed: int, seeds: int, **given: Any) -> None:
+    """Measure how soon policies are within their cost limit.
+
+    Judges them with mean and with sampled actions, along the way and at the end, and writes
+    learner.png as well. A stopped run continues where it was.
+
+    \b
+    Example: python -m experiments learner --steps 2000000 --processes 2 -o results
+    """
+    from occ_constraints_pkg.agents.settings import PPOLagrangianConfig
+    from occ_constraints_pkg.worlds.registry import check_world
+
+    for world in given['worlds']:
+        check_world(world)
+    module = _module('learner')
+    PPOLagrangianConfig().check_steps('steps', given['steps'], module.ROBOTS)
+    _run(
+        *('learner', 'trainings', output, as_json),
+        seeds=range(first_seed, first_seed + seeds),
+        **given,
+    )
+
+
+@cli.command()
+@click.option(
     '--set',
     'sets',
     multiple=True,
@@ -388,7 +440,7 @@ def ngsim(**given: Any) -> None:
     type=AT_LEAST_0,
     default=(1, 2, 3, 4, 5),
     show_default=True,
-    help='May be repeated.',
+    help=_REPEATED,
 )
 @click.option('--method', 'methods', multiple=True, help='Only this learner; may be repeated.')
 @click.option('--processes', default=1, type=AT_LEAST_1, show_default=True)

@@ -45,7 +45,16 @@ _EVALUATION_SEED = 10_000
 _DEMONSTRATED = 52
 
 # A small network learns this as well as the default one, in a third of the time.
-LEARNER = {'hidden': (32, 32), 'passes': 4, 'rollout_steps': 64, 'log_std_init': -1.0}
+LEARNER = {
+    'hidden': (32, 32),
+    'passes': 4,
+    'rollout_steps': 64,
+    'minibatch': 4096,
+    'log_std_init': -1.0,
+    'log_std_end': -1.0,
+    'multiplier_rate': 0.03,
+    'multiplier_gain': 0.25,
+}
 
 
 @dataclass(frozen=True)

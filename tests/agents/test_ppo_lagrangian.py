@@ -12,11 +12,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from line_world import LineWorld
-from occ_constraints_pkg.agents.ppo_lagrangian import Multiplier
+from occ_constraints_pkg.agents.ppo_lagrangian import Multiplier, penalised
 from occ_constraints_pkg.agents.settings import PPOLagrangianConfig
 
 torch = pytest.importorskip('torch')
 
+from occ_constraints_pkg.agents.checkpoint import read_checkpoint, write_checkpoint  # noqa: E402
 from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian  # noqa: E402
 from occ_constraints_pkg.errors import ConfigurationError, OccError  # noqa: E402
 from occ_constraints_pkg.worlds.stream import EpisodeStream  # noqa: E402
@@ -307,6 +308,8 @@ def test_a_setting_that_is_refused_on_resumption_does_not_blame_the_checkpoint(t
         {'hidden': (0,)},
         {'multiplier_rate': -0.1},
         {'multiplier_band': 0.0},
+        {'cost_memory': 0.0},
+        {'log_std_end': 21.0},
         {'decay_steps': -1},
     ],
 )
@@ -339,16 +342,20 @@ def test_a_gpu_learns_the_same():
     np.testing.assert_allclose(*curves, rtol=1e-2, atol=1e-4)
 
 
-def _multiplier(limit=25.0, start=1.0):
-    return Multiplier(
-        PPOLagrangianConfig(
-            cost_limit=limit,
-            multiplier_init=start,
-            multiplier_rate=0.05,
-            multiplier_gain=0.5,
-            multiplier_band=0.2,
-        )
-    )
+def _multiplier(limit=25.0, start=1.0, **settings):
+    chosen = {
+        'cost_limit': limit,
+        'multiplier_init': start,
+        'multiplier_rate': 0.05,
+        'multiplier_gain': 0.5,
+        'multiplier_band': 0.2,
+        'cost_memory': 10.0,
+    }
+    return Multiplier(PPOLagrangianConfig(**chosen | settings))
+
+
+# So many that only the latest rollout counts.
+MANY = 1e6
 
 
 def test_the_multiplier_follows_a_known_course():
@@ -361,26 +368,55 @@ def test_the_multiplier_follows_a_known_course():
         (24.0, 1.065, 0.965),
         (0.0, 1.015, 0.515),
     ]:
-        multiplier.update(cost)
+        multiplier.update(cost, MANY)
         assert multiplier.integral == pytest.approx(integral)
         assert multiplier.value == pytest.approx(value)
 
 
 def test_the_multiplier_stays_before_the_first_episode():
     multiplier = _multiplier()
-    multiplier.update(math.nan)
-    assert (multiplier.integral, multiplier.value) == (1.0, 1.0)
+    multiplier.update(math.nan, math.nan)
+    assert multiplier.state()[:2] == [1.0, 1.0]
+    assert math.isnan(multiplier.cost)
+
+
+@given(st.floats(0, 1e3), st.lists(st.floats(0, 1e3), min_size=1, max_size=20), st.floats(0, 100))
+def test_the_cost_that_the_multiplier_follows_depends_on_no_length_of_rollouts(first, costs, n):
+    """A rollout counts as much as two halves of it."""
+    whole, halves = _multiplier(), _multiplier()
+    for cost in (first, *costs):
+        whole.update(cost, n)
+        halves.update(cost, n / 2)
+        halves.update(cost, n / 2)
+        assert halves.cost == pytest.approx(whole.cost)
+        assert min(first, *costs) - 1e-9 <= whole.cost <= max(first, *costs) + 1e-9
+
+
+@given(st.integers(1, 500), st.floats(25.01, 1e6))
+def test_the_multiplier_falls_at_once_after_however_long_an_excess(updates, excess):
+    """No part of it goes on rising, or waits, when the cost is within its limit again."""
+    multiplier = _multiplier()
+    for _ in range(updates):
+        multiplier.update(excess, MANY)
+    before = multiplier.state()
+    multiplier.update(24.0, MANY)
+    assert multiplier.value < multiplier.integral < before[0] < before[1]
+    # It takes no longer to fall than it took to rise.
+    for _ in range(updates):
+        multiplier.update(0.0, MANY)
+    assert multiplier.integral <= 1.0 + 1e-9
 
 
 @given(
     st.floats(0, 1e3),
     st.lists(st.floats(0, 1e6), min_size=1, max_size=50),
+    st.floats(0.01, 1e3),
 )
-def test_the_multiplier_is_never_negative_and_moves_by_bounded_steps(limit, costs):
+def test_the_multiplier_is_never_negative_and_moves_by_bounded_steps(limit, costs, episodes):
     multiplier = _multiplier(limit)
     for cost in costs:
         before = multiplier.integral
-        multiplier.update(cost)
+        multiplier.update(cost, episodes)
         assert multiplier.value >= 0.0
         assert 0.0 <= multiplier.integral <= before + 0.05 + 1e-12
         assert abs(multiplier.value - multiplier.integral) <= 0.5 + 1e-9
@@ -391,7 +427,61 @@ def test_the_multiplier_settles_where_the_cost_meets_its_limit():
     multiplier, cost, costs = _multiplier(start=0.001), 60.0, []
     for _ in range(600):
         cost += 0.1 * (60.0 - 12.0 * multiplier.value - cost)
-        multiplier.update(cost)
+        multiplier.update(cost, 10.0)
         costs.append(cost)
     np.testing.assert_allclose(costs[-100:], 25.0, atol=0.1)
     assert min(costs) > 20.0
+
+
+@given(st.integers(0, 2**32), st.floats(0, 1e6))
+def test_reward_and_cost_share_one_objective_of_bounded_size(seed, multiplier):
+    rng = np.random.default_rng(seed)
+    advantage, cost = rng.normal(3.0, 50.0, 100), rng.normal(1.0, 0.3, 100)
+    gain, price = penalised(advantage, cost, 0.0), cost - cost.mean()
+    found = penalised(advantage, cost, multiplier)
+    assert found.mean() == pytest.approx(0.0, abs=1e-9)
+    assert found.std() <= max(gain.std(), price.std()) + 1e-9
+    # Between reward alone and cost alone, in the proportion that the multiplier sets.
+    weight = multiplier / (1.0 + multiplier)
+    np.testing.assert_allclose(found, (1.0 - weight) * gain - weight * price, atol=1e-9)
+    np.testing.assert_allclose(penalised(7.0 * advantage + 2.0, cost, multiplier), found, atol=1e-6)
+
+
+@pytest.mark.parametrize(('start', 'end'), [(0.0, -1.5), (-1.0, 0.0)])
+def test_the_noise_is_bounded_by_a_schedule(start, end):
+    learner = make_learner(log_std_init=start, log_std_end=end, decay_steps=800, actor_lr=0.1)
+    stream = EpisodeStream(LineWorld(8), seed=1)
+    batch = stream.reset()
+    for _ in range(8):
+        batch, metrics = run(learner, stream, batch, 17)
+        share = min(1.0, metrics[-1].steps / 800) if metrics else 0.0
+        if end < start:
+            assert (learner.policy().log_std <= start + share * (end - start) + 1e-6).all()
+    assert share == 1.0
+
+
+def test_schedules_follow_the_time_where_that_ends_first():
+    learner = make_learner(decay_steps=10**9, log_std_init=0.0, log_std_end=-1.5)
+    stream = EpisodeStream(LineWorld(8), seed=1)
+    learner.time_share = 1.0
+    run(learner, stream, stream.reset(), 17)
+    assert learner._optimiser.param_groups[0]['lr'] == pytest.approx(1e-4)
+    assert (learner.policy().log_std <= -1.5 + 1e-6).all()
+
+
+def test_an_older_checkpoint_goes_on_with_the_noise_that_it_had(tmp_path):
+    """Before there was a schedule of the noise, and before the multiplier kept a mean cost."""
+    learner = make_learner(log_std_end=-3.0)
+    stream = EpisodeStream(LineWorld(8), seed=1)
+    batch, _ = run(learner, stream, stream.reset(), 40)
+    learner.save(tmp_path / 'new.pt')
+    state = read_checkpoint(tmp_path / 'new.pt')
+    for name in ('log_std_end', 'cost_memory'):
+        del state['learner']['config'][name]
+    state['learner']['multiplier'] = [0.5, 0.75]
+    write_checkpoint(tmp_path / 'old.pt', state)
+    older = PPOLagrangian.load(tmp_path / 'old.pt')
+    assert older.multiplier == 0.75
+    assert older.config.log_std_end == older.config.log_std_init
+    run(older, stream, batch, 20)
+    assert older.updates == learner.updates + 1

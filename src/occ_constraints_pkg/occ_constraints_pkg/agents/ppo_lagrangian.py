@@ -41,30 +41,71 @@ from occ_constraints_pkg.worlds.stream import StepBatch
 class Multiplier:
     """A proportional-integral controller (Stooke, Achiam and Abbeel 2020), bounded in both parts.
 
-    The excess of the cost over its limit counts in units of ``multiplier_band`` times the limit (of
-    ``multiplier_band`` where the limit is below 1), clipped to 1 unit. A cost far above its limit,
-    as at the start of training, thus raises the multiplier slowly enough for the reward to be
-    learned at the same time, while the response to a cost near its limit is proportional.
+    It follows the cost of an episode of the present policy, which is not that of the episodes that
+    have just ended: most of their steps were made by earlier policies. The cost per step of each
+    rollout, times the length of an episode, is known at once; a mean over the latest rollouts takes
+    out its noise.
+
+    The excess of that cost over its limit counts in units of ``multiplier_band`` times the limit
+    (of ``multiplier_band`` where the limit is below 1), clipped to 1 unit. A cost far above its
+    limit, as at the start of training, thus raises the multiplier slowly enough for the reward to
+    be learned at the same time, while the response to a cost near its limit is proportional.
 
     Attributes:
         integral: the integral part, 0 or more.
         value: the multiplier, 0 or more.
+        cost: the mean cost per episode that it follows; NaN before the first.
     """
 
     def __init__(self, config: PPOLagrangianConfig) -> None:
         """Start with the integral alone, at ``multiplier_init``."""
         self._limit, self._rate = config.cost_limit, config.multiplier_rate
-        self._gain = config.multiplier_gain
+        self._gain, self._memory = config.multiplier_gain, config.cost_memory
         self._unit = config.multiplier_band * max(config.cost_limit, 1.0)
         self.integral = self.value = config.multiplier_init
+        self.cost = math.nan
 
-    def update(self, cost: float) -> None:
-        """Follow the mean cost of recent episodes; NaN (no episode yet) changes nothing."""
+    def update(self, cost: float, episodes: float) -> None:
+        """Follow the cost of a rollout.
+
+        Args:
+            cost: its mean cost per step times the mean length of an episode; NaN (no episode has
+                ended yet) changes nothing.
+            episodes: of how many episodes of that length its steps would be enough for.
+        """
         if math.isnan(cost):
             return
-        excess = min(1.0, max(-1.0, (cost - self._limit) / self._unit))
+        if math.isnan(self.cost):
+            self.cost = cost
+        self.cost += (1.0 - math.exp(-episodes / self._memory)) * (cost - self.cost)
+        excess = min(1.0, max(-1.0, (self.cost - self._limit) / self._unit))
         self.integral = max(0.0, self.integral + self._rate * excess)
         self.value = max(0.0, self.integral + self._gain * excess)
+
+    def state(self) -> list[float]:
+        """Return everything needed to continue."""
+        return [self.integral, self.value, self.cost]
+
+    def restore(self, state: Sequence[float]) -> None:
+        """Continue from a state; that of older checkpoints has no mean cost."""
+        self.integral, self.value, *cost = state
+        self.cost = cost[0] if cost else math.nan
+
+
+def penalised(advantage: np.ndarray, cost: np.ndarray, multiplier: float) -> np.ndarray:
+    """Return the advantage of reward and cost together, on one scale whatever the multiplier.
+
+    Args:
+        advantage: (n,) of the reward; counts in units of its standard deviation.
+        cost: (n,) of the cost. It is not normalised: that would inflate a rare cost to the scale
+            of the reward.
+        multiplier: the price of the cost, 0 or more.
+
+    Returns:
+        (n,) of mean 0.
+    """
+    gain = (advantage - advantage.mean()) / (advantage.std() + 1e-8)
+    return (gain - multiplier * (cost - cost.mean())) / (1.0 + multiplier)
 
 
 def torch_device(name: str) -> torch.device:
@@ -234,6 +275,8 @@ class PPOLagrangian:
         steps: transitions learned from or collected, summed over robots.
         updates: updates made.
         metrics: of the last update; ``None`` before the first.
+        time_share: share of the training's wall time that is over, from 0 to 1, where that ends it:
+            schedules follow this or the share of steps, whichever is larger.
     """
 
     def __init__(
@@ -263,6 +306,7 @@ class PPOLagrangian:
         self.steps = 0
         self.updates = 0
         self.metrics: TrainingMetrics | None = None
+        self.time_share = 0.0
         # The only source of randomness, so that a checkpoint holds no other generator's state and
         # CPU and GPU draw the same numbers.
         self._rng = np.random.default_rng(seed)
@@ -419,19 +463,25 @@ class PPOLagrangian:
             return
         started = time.perf_counter()
         mean_return, mean_cost, mean_length = episodes.means()
+        cost_rate = float(rollout.cost.mean(where=rollout.valid))
         if config.lagrangian:
-            self._multiplier.update(mean_cost)
+            episodes_worth = np.count_nonzero(rollout.valid) / mean_length
+            self._multiplier.update(cost_rate * mean_length, episodes_worth)
         # The statistics change between rollouts only. There were none during the first rollout, so
         # its own are used at once; the mean of an untrained policy is about 0 everywhere anyway.
         first = self._normaliser.count == 0
         if first:
             self._normaliser.fold(rollout.observation[:-1])
             self._policy = self.policy()
-        if config.decay_steps:
-            left = max(_MIN_LEARNING_RATE, 1.0 - self.steps / config.decay_steps)
-            actor, critics = self._optimiser.param_groups
-            actor['lr'], critics['lr'] = left * config.actor_lr, left * config.critic_lr
+        progress = self._progress()
+        left = max(_MIN_LEARNING_RATE, 1.0 - progress)
+        actor, critics = self._optimiser.param_groups
+        actor['lr'], critics['lr'] = left * config.actor_lr, left * config.critic_lr
         losses = _improve(self._networks, self._optimiser, self._training_data(), config, self._rng)
+        if config.log_std_end < config.log_std_init:
+            bound = config.log_std_init + progress * (config.log_std_end - config.log_std_init)
+            with torch.no_grad():
+                self._actor.get_parameter('log_std').clamp_(max=bound)
         if not first:
             self._normaliser.fold(rollout.observation[:-1])
         self._policy = self.policy()
@@ -445,13 +495,18 @@ class PPOLagrangian:
             mean_return=mean_return,
             mean_cost=mean_cost,
             mean_length=mean_length,
-            cost_rate=float(rollout.cost.mean(where=rollout.valid)),
+            cost_rate=cost_rate,
             multiplier=self.multiplier if config.lagrangian else 0.0,
             steps_per_s=(self.steps - self._steps_then) / (now - self._clock),
             update_s=now - started,
             **losses,
         )
         self._clock, self._steps_then = now, self.steps
+
+    def _progress(self) -> float:
+        """Return the share of the training that is over, from 0 to 1, as far as it is known."""
+        steps = self.config.decay_steps
+        return min(1.0, max(self.time_share, self.steps / steps if steps else 0.0))
 
     def _training_data(self) -> _TrainingData:
         """Return the valid transitions with their advantages and targets."""
@@ -465,11 +520,9 @@ class PPOLagrangian:
         ends = (rollout.terminated, valid, config.gamma, config.lam)
         estimate = advantages(rollout.reward, values, *ends)[valid]
         cost_estimate = advantages(rollout.cost, cost_values, *ends)[valid]
-        advantage = (estimate - estimate.mean()) / (estimate.std() + 1e-8)
-        if config.lagrangian:
-            # Not normalised: that would inflate a rare cost to the scale of the reward.
-            penalty = cost_estimate - cost_estimate.mean()
-            advantage = (advantage - self.multiplier * penalty) / (1.0 + self.multiplier)
+        advantage = penalised(
+            estimate, cost_estimate, self.multiplier if config.lagrangian else 0.0
+        )
         action = torch.from_numpy(rollout.action[valid])
         targets = estimate + values[:-1][valid], cost_estimate + cost_values[:-1][valid]
         return _TrainingData(
@@ -523,7 +576,9 @@ class PPOLagrangian:
         document = read_checkpoint(path)
         try:
             state = document['learner']
-            settings = {**state['config'], **changes}
+            # Older checkpoints know no bound on the noise, so theirs goes on without one.
+            unbounded = {'log_std_end': state['config']['log_std_init']}
+            settings = {**unbounded, **state['config'], **changes}
             settings['hidden'] = tuple(settings['hidden'])
             _check_sizes(settings['hidden'], state)
             learner = cls(
@@ -559,7 +614,7 @@ class PPOLagrangian:
             'rng': json.dumps(self._rng.bit_generator.state),
             'networks': self._networks.state_dict(),
             'optimiser': self._optimiser.state_dict(),
-            'multiplier': [self._multiplier.integral, self._multiplier.value],
+            'multiplier': self._multiplier.state(),
             'normaliser': vars(self._normaliser),
             'stream': None,
         }
@@ -584,7 +639,7 @@ class PPOLagrangian:
         self._rng.bit_generator.state = json.loads(state['rng'])
         self._networks.load_state_dict(state['networks'])
         self._optimiser.load_state_dict(state['optimiser'])
-        self._multiplier.integral, self._multiplier.value = state['multiplier']
+        self._multiplier.restore(state['multiplier'])
         vars(self._normaliser).update(with_arrays(state['normaliser']))
         self._policy = self.policy()
         stream = with_arrays(state['stream'])

@@ -27,13 +27,14 @@ class PPOLagrangianConfig:
         multiplier_rate: change of the multiplier's integral per update and unit of excess.
         multiplier_gain: proportional part of the multiplier per unit of excess.
         multiplier_band: share of the cost limit that makes one unit of excess.
+        cost_memory: episodes' worth of latest steps that the multiplier's cost is a mean of.
         rollout_steps: steps of each robot between updates.
         passes: maximum number of epochs over a rollout per update.
         minibatch: transitions per gradient step.
         actor_lr: Adam's learning rate for the policy.
         critic_lr: Adam's learning rate for both critics.
-        decay_steps: all learning rates fall linearly over this many robot steps, to a tenth of
-            their initial value; 0: they are constant.
+        decay_steps: robot steps of the whole training, over which learning rates fall linearly to a
+            tenth and the bound on the noise falls to its end; 0: unknown, all stay as they are.
         gamma: discount per step, of reward and cost alike.
         lam: GAE's lambda, of reward and cost alike.
         clip: bound on the change of the probability ratio.
@@ -42,6 +43,8 @@ class PPOLagrangianConfig:
         max_grad_norm: bound on the norm of the gradient, for each network separately.
         hidden: width of each hidden tanh layer, of all three networks.
         log_std_init: logarithm of the policy's initial standard deviation.
+        log_std_end: an upper bound on this logarithm falls linearly from ``log_std_init`` to this
+            value over the training; none where this is not below ``log_std_init``.
         observation_clip: bound on the normalised observation.
         window: number of the latest finished episodes that means are taken over.
         device: where updates are computed, ``cpu`` or ``cuda``; acting always uses the CPU.
@@ -52,12 +55,13 @@ class PPOLagrangianConfig:
     lagrangian: bool = True
     cost_limit: float = 25.0
     multiplier_init: float = 0.001
-    multiplier_rate: float = 0.03
-    multiplier_gain: float = 0.25
+    multiplier_rate: float = 0.01
+    multiplier_gain: float = 1.0
     multiplier_band: float = 1.0 / 3.0
-    rollout_steps: int = 256
+    cost_memory: float = 50.0
+    rollout_steps: int = 64
     passes: int = 5
-    minibatch: int = 4096
+    minibatch: int = 1024
     actor_lr: float = 1e-3
     critic_lr: float = 1e-3
     decay_steps: int = 0
@@ -67,7 +71,8 @@ class PPOLagrangianConfig:
     target_kl: float = 0.02
     max_grad_norm: float = 1.0
     hidden: tuple[int, ...] = (64, 64)
-    log_std_init: float = 0.0
+    log_std_init: float = -0.5
+    log_std_end: float = -1.6
     observation_clip: float = 5.0
     window: int = 100
     device: str = 'cpu'
@@ -96,6 +101,7 @@ class PPOLagrangianConfig:
             'target_kl',
             'max_grad_norm',
             'multiplier_band',
+            'cost_memory',
             'observation_clip',
         ):
             self._require(name, getattr(self, name) > 0, 'above 0')
@@ -105,7 +111,8 @@ class PPOLagrangianConfig:
             if isinstance(value, float) and name != 'cost_limit':
                 self._require(name, math.isfinite(value), 'a finite number')
         # Beyond, actions overflow.
-        self._require('log_std_init', -20 <= self.log_std_init <= 20, 'from -20 to 20')
+        for name in ('log_std_init', 'log_std_end'):
+            self._require(name, -20 <= getattr(self, name) <= 20, 'from -20 to 20')
         self._require('threads', self.threads <= _MOST_THREADS, f'{_MOST_THREADS} or fewer')
         for name in ('gamma', 'lam'):
             self._require(name, 0 <= getattr(self, name) <= 1, 'from 0 to 1')

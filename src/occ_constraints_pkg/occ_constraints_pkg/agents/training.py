@@ -119,7 +119,9 @@ def train(
     history: list[TrainingMetrics] = []
     end = math.inf if seconds is None else time.monotonic() + seconds
     limit = math.inf if total_steps is None else total_steps
-    while learner.steps < limit and time.monotonic() < end and not is_stopped():
+    while learner.steps < limit and (now := time.monotonic()) < end and not is_stopped():
+        if seconds is not None:
+            learner.time_share = 1.0 - (end - now) / seconds
         before = learner.updates
         action = learner.act(batch, cost_source(batch))
         updated = learner.updates > before

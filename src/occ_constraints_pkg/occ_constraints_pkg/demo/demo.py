@@ -28,7 +28,7 @@ WORLD = 'PointGoal1'
 _DEMONSTRATORS, _DEMONSTRATIONS_EACH = 10, 5
 _WATCHED_ROBOTS = 10
 _TRAINED_ROBOTS = 128
-_TEST_EPISODES = 32
+_TEST_EPISODES = 64
 _MARKER = '.occ_demo'
 # Cost per episode that the published results on this task allow.
 _COST_LIMIT = 25.0
@@ -154,7 +154,7 @@ def _train(rules: Path, output: Path, seconds: float, logs: Path, domain: int) -
             'seconds': seconds,
             'cost_limit': _COST_LIMIT,
             'total_steps': 1_000_000_000,
-            'rollout_steps': 128,
+            'rollout_steps': 32,
         },
         'sim': {'world': WORLD, 'num_robots': _TRAINED_ROBOTS, 'wait_for_subscribers': 2},
     }
@@ -182,7 +182,7 @@ def _compare(trained: Path, constraints: Constraints) -> dict[str, dict[str, flo
     drivers: dict[str, Callable] = {
         'before training (random actions)': find_driver(world, 'random', rng),
         'the unconstrained driver': find_driver(world, 'straightv', rng),
-        'after training': lambda rows: after.act(rows, rng),
+        'after training': after.act,
         'the expert who demonstrated': find_driver(world, 'expert', rng, explore=True),
     }
     scores = {}

@@ -157,6 +157,7 @@ class ConstrainedLearner(OccNode):
             # First states are those of episode 0 to which no step led, hence without reward.
             self._interrupt(learner, is_start=not (batch.episode.any() or batch.reward.any()))
         updates = learner.updates
+        learner.time_share = (time.monotonic() - self._began) / self._seconds
         action = learner.act(batch, verdicts.column('cost'))
         answer = action_table(self._kind.action_columns, action)
         self._answer, self._answered = table_bytes(answer, stamp, world), stamp

@@ -474,9 +474,10 @@ class PPOLagrangian:
             self._normaliser.fold(rollout.observation[:-1])
             self._policy = self.policy()
         progress = self._progress()
-        left = max(_MIN_LEARNING_RATE, 1.0 - progress)
-        actor, critics = self._optimiser.param_groups
-        actor['lr'], critics['lr'] = left * config.actor_lr, left * config.critic_lr
+        if progress:
+            left = max(_MIN_LEARNING_RATE, 1.0 - progress)
+            actor, critics = self._optimiser.param_groups
+            actor['lr'], critics['lr'] = left * config.actor_lr, left * config.critic_lr
         losses = _improve(self._networks, self._optimiser, self._training_data(), config, self._rng)
         if config.log_std_end < config.log_std_init:
             bound = config.log_std_init + progress * (config.log_std_end - config.log_std_init)

@@ -338,9 +338,8 @@ def paper(names: tuple[str, ...], as_json: bool, **given: Any) -> None:
     goes on. Then writes tables into docs/results.md, and pictures.
 
     \b
-    Examples:
-      python -m experiments paper simple_nav
-      python -m experiments paper --status
+    Example: python -m experiments paper simple_nav
+             python -m experiments paper --status
     """
     with stop_request.listening():
         result = _module('paper.command').run_paper(names, report=report, **given)

@@ -344,7 +344,7 @@ def test_fewer_steps_than_one_update_needs_are_refused(occ, files, more):
         assert (code, out) == (2, '')
         assert err == (
             'error: steps is 300, which ends a training before its first update; allowed is '
-            '16384 or more: rollout_steps 256 x robots 64\n'
+            '4096 or more: rollout_steps 64 x robots 64\n'
         )
     code, _, err = occ(
         f'train simple_nav --steps 39 --robots 4 --set rollout_steps=10 -o new{more}'

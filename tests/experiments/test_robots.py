@@ -39,7 +39,7 @@ def test_safe_robots_are_hardly_flagged_and_contact_is(folder, tmp_path):
     assert len(part['contact']) == 2
     for bag in part['contact']:
         assert bag['flagged'] > 0.5, bag
-        assert bag['rules'][0]['rule'].startswith('clearance_')
+        assert bag['rules'][0]['rule'].startswith('any clearance ')
 
 
 def test_each_bump_is_flagged(folder, tmp_path):

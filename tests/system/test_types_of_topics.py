@@ -85,17 +85,17 @@ def told(observer):
 
 
 WRONG = (
-    'speed is published as geometry_msgs/msg/Twist; '
+    'speed is published as geometry_msgs/msg/Point; '
     "feature 'v' of topic 'speed' asks for 'twist.linear.x', but the message has no 'twist'; "
-    'it has linear, angular'
+    'it has x, y, z'
 )
 
 
 def test_a_wrong_type_is_told_and_the_right_one_taken_when_it_comes(nodes, publisher, told):
-    from geometry_msgs.msg import Twist, TwistStamped
+    from geometry_msgs.msg import Point, TwistStamped
 
     rules().save(nodes.folder / 'rules.yaml')
-    wrong = publisher(Twist)
+    wrong = publisher(Point)
     wrong.send()
     monitor = nodes.start('monitor', constraints_file=nodes.folder / 'rules.yaml', timeout=0.5)
     told(f'UNKNOWN: {WRONG}', wrong)
@@ -157,14 +157,14 @@ def test_two_types_that_can_both_be_read_are_followed(nodes, publisher, told):
 
 
 def test_a_held_topic_of_a_wrong_type_is_named_in_each_row(nodes, publisher, told):
-    from geometry_msgs.msg import Twist, TwistStamped
+    from geometry_msgs.msg import Point, TwistStamped
     from nav_msgs.msg import Odometry
 
     rules('odom').save(nodes.folder / 'rules.yaml')
     nodes.start('monitor', constraints_file=nodes.folder / 'rules.yaml', timeout=5.0)
 
     odom = publisher(Odometry, 'odom')
-    wrong = publisher(Twist)
+    wrong = publisher(Point)
     told(f'UNKNOWN: {WRONG}', odom, wrong)
     right = publisher(TwistStamped)
     told('SAFE', right, odom)

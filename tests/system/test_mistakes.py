@@ -135,7 +135,7 @@ MISTAKES = {
     'sim -p num_robots:=2.5': 'allowed is a whole number from 1',
     'constrained_learner -p output:=typo.yaml/x': 'cannot write to typo.yaml/x',
     'constrained_learner -p output:=. -p device:=tpu': "device is 'tpu'",
-    'constrained_learner -p output:=. -p total_steps:=255': 'total_steps is 255',
+    'constrained_learner -p output:=. -p total_steps:=63': 'total_steps is 63',
 }
 
 

@@ -84,10 +84,11 @@ class Multiplier:
 
     def state(self) -> list[float]:
         """Return everything needed to continue."""
-        return [self.integral, self.value, self.cost]
+        known = [] if math.isnan(self.cost) else [self.cost]
+        return [self.integral, self.value, *known]
 
     def restore(self, state: Sequence[float]) -> None:
-        """Continue from a state; that of older checkpoints has no mean cost."""
+        """Continue from a state; an early one, or that of older checkpoints, has no mean cost."""
         self.integral, self.value, *cost = state
         self.cost = cost[0] if cost else math.nan
 

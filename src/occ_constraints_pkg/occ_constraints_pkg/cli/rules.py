@@ -50,21 +50,49 @@ _OUTPUT = click.option(
 @_FILE
 @click.option('--why', metavar='RULE', help='Show the evidence for this rule.')
 @click.option('--traffic', is_flag=True, help='Explain rules for cars in terms of traffic.')
+@click.option('--plot', type=click.Path(), help='Draw the rules to this PNG file, too.')
+@click.option(
+    '--demonstrations',
+    metavar='DATA',
+    multiple=True,
+    type=click.Path(),
+    help='With --plot: draw the density of this recording or table; may be repeated.',
+)
+@DEFINITIONS
 @JSON
-def show(constraints: str, why: str | None, traffic: bool, as_json: bool) -> None:
+def show(
+    constraints: str,
+    why: str | None,
+    traffic: bool,
+    plot: str | None,
+    demonstrations: tuple[str, ...],
+    as_json: bool,
+) -> None:
     """Print the rules of a constraints file, or the evidence for one.
 
     \b
     Example: occ show constraints.yaml
              occ show --why R4def0 constraints.yaml
+             occ show --plot rules.png --demonstrations bags/drives constraints.yaml
              occ show --traffic us101.yaml
     """
     if why is not None and traffic:
         raise ConfigurationError('got both --why and --traffic; allowed is one of them')
+    if demonstrations and plot is None:
+        raise ConfigurationError(
+            'got --demonstrations without --plot; they are only drawn, allowed is both or neither'
+        )
+    draw = None
+    if plot is not None:
+        check_outputs({plot: PICTURE}, [constraints, *demonstrations])
+        draw = import_needed('occ show --plot', 'occ_constraints_pkg.learning.rules_picture')
     from occ_constraints_pkg.rules.constraints_file import load_constraints
 
     loaded = load_constraints(constraints)
     rules, space = loaded.rule_set.rules, loaded.rule_set.space
+    if draw is not None and plot is not None:
+        drawn = read_data(demonstrations, loaded, constraints).values if demonstrations else None
+        draw.draw_rules(Path(plot), loaded, drawn)
     if why is not None:
         document = why_document(loaded, why)
         _print(as_json, lambda: document, lambda: describe_why(document))

@@ -16,9 +16,10 @@ from occ_constraints_pkg.agents.drivers import find_driver
 from occ_constraints_pkg.agents.rule_cost import RuleCost
 from occ_constraints_pkg.agents.training import read_metrics
 from occ_constraints_pkg.datasets.extraction import extract
-from occ_constraints_pkg.demo.pictures import draw_rules, draw_trajectories
+from occ_constraints_pkg.demo.pictures import draw_trajectories
 from occ_constraints_pkg.features.feature_map import FeatureMap
 from occ_constraints_pkg.files import PAGE, write_text
+from occ_constraints_pkg.learning.rules_picture import draw_rules
 from occ_constraints_pkg.rules.constraints_file import Constraints
 from occ_constraints_pkg.worlds.registry import world_class
 
@@ -60,7 +61,7 @@ def write_demo_page(
     draw_trajectories(output / 'drives.png', drivers, steps=_DRAWN_STEPS, seed=_DRAWN_SEED)
     feature_map = FeatureMap.from_document(constraints.feature_map, 'the constraints')
     data = extract([output / 'demonstrations'], feature_map)
-    draw_rules(output / 'rules.png', constraints.rule_set, data.values)
+    draw_rules(output / 'rules.png', constraints, data.values)
     history = read_metrics(output / 'training' / 'metrics.jsonl')
     draw_training(output / 'training.png', [history], cost_limit, cost_name='learned cost')
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""The demo's pictures of trajectories and rules."""
+"""The demo's picture of trajectories."""
 
 from __future__ import annotations
 
@@ -17,7 +17,6 @@ from matplotlib.patches import Circle
 
 from occ_constraints_pkg.agents.rule_cost import RuleCost
 from occ_constraints_pkg.files import PICTURE, replacing
-from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.worlds.film import COLOURS, draw_things
 from occ_constraints_pkg.worlds.safety_gym import GOAL_RADIUS, PointGoal1
 from occ_constraints_pkg.worlds.stream import EpisodeStream
@@ -82,54 +81,6 @@ def draw_trajectories(
     ]
     figure.legend(handles=handles, loc='lower center', ncols=4, fontsize=9, frameon=False)
     figure.tight_layout(rect=(0, 0.06, 1, 0.98))
-    with replacing(path, PICTURE) as draft:
-        figure.savefig(draft, dpi=_DOTS_PER_INCH, format='png')
-    plt.close(figure)
-
-
-def draw_rules(path: Path, rule_set: RuleSet, values: np.ndarray) -> None:
-    """Draw, for each feature, what was demonstrated and where rules of one literal cut in.
-
-    Args:
-        path: PNG file to write.
-        rule_set: the rules.
-        values: (n, k) demonstrated samples.
-    """
-    space = rule_set.space
-    figure, axis = plt.subplots(figsize=(8, 0.33 * len(space) + 1.4))
-    for place in range(len(space)):
-        low, high = rule_set.demonstrated[place]
-        width = (high - low) or 1.0
-        points = (np.percentile(values[:, place], [0, 1, 25, 75, 99, 100]) - low) / width
-        axis.plot(points[[0, 5]], [place, place], color='#cccccc', lw=2, zorder=1)
-        axis.plot(points[[1, 4]], [place, place], color=_SAFE, lw=3, alpha=0.5, zorder=2)
-        axis.plot(points[[2, 3]], [place, place], color=_SAFE, lw=7, zorder=3)
-        for rule in rule_set.rules:
-            literal = rule.literals[0]
-            if len(rule.literals) > 1 or place not in literal.members or not rule.enabled:
-                continue
-            at = (literal.bound - low) / width
-            side = 'right' if literal.is_upper else 'left'
-            axis.plot([at, at], [place - 0.38, place + 0.38], color=_VIOLATED, lw=2, zorder=4)
-            axis.text(
-                at,
-                place,
-                f' {literal.operator} {literal.bound:.3g} ',
-                color=_VIOLATED,
-                fontsize=7,
-                ha=side,
-                va='center',
-                zorder=5,
-            )
-    labels = [f'{f.name} [{f.unit}]' if f.unit != '1' else f.name for f in space.features]
-    axis.set_yticks(range(len(space)), labels, fontsize=8)
-    axis.invert_yaxis()
-    axis.set_xlim(-0.25, 1.25)
-    axis.set_xlabel('share of the demonstrated range; red: a violation begins here')
-    axis.set_title(
-        'Demonstrated values (bar: middle half; pale: 98 %) and rules of one literal', fontsize=10
-    )
-    figure.tight_layout()
     with replacing(path, PICTURE) as draft:
         figure.savefig(draft, dpi=_DOTS_PER_INCH, format='png')
     plt.close(figure)

@@ -134,3 +134,29 @@ def test_what_does_not_go_together_is_told_in_one_sentence(tables, run_occ, opti
     assert sentence in error
     assert error.count('\n') == 1
     assert not Path('rules.yaml').exists()
+
+
+def test_rules_are_drawn_with_the_demonstrations(tables, run_occ):
+    pytest.importorskip('matplotlib')
+    assert run_occ('learn drives.csv -o rules.yaml')[0] == 0
+    code, text, _ = run_occ('show rules.yaml --plot ranges.png')
+    assert (code, text) == run_occ('show rules.yaml')[:2]
+    assert run_occ('show rules.yaml --plot all.png --demonstrations drives.csv')[0] == 0
+    ranges, density = Path('ranges.png').read_bytes(), Path('all.png').read_bytes()
+    assert ranges[1:4] == density[1:4] == b'PNG'
+    assert ranges != density
+
+
+@pytest.mark.parametrize(
+    ('options', 'sentence'),
+    [
+        ('--demonstrations drives.csv', 'got --demonstrations without --plot'),
+        ('--plot rules.pdf', 'allowed is a name that ends in .png'),
+        ('--plot drives.png --demonstrations nowhere.csv', 'nowhere.csv'),
+    ],
+)
+def test_what_cannot_be_drawn_is_told(tables, run_occ, options, sentence):
+    assert run_occ('learn drives.csv -o rules.yaml --conditions none')[0] == 0
+    code, _, told = run_occ(f'show rules.yaml {options}')
+    assert code == 2
+    assert sentence in told

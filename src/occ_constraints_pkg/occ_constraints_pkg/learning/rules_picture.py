@@ -48,8 +48,9 @@ _LETTERS = 58
 _CELLS = 48
 # A feature of so few values, a mode or a lane, has a cell for each.
 _FEW_VALUES = 8
-# How far beyond the demonstrated range, in parts of it, rows are drawn true to scale.
-_BEYOND = 0.16
+# How far beyond the demonstrated range, in parts of it, bounds are drawn true to scale: in rows,
+# and in panels.
+_BEYOND, _REACH = 0.16, 3.0
 
 
 def draw_rules(path: Path, constraints: Constraints, values: np.ndarray | None = None) -> None:
@@ -100,15 +101,16 @@ def rules_figure(constraints: Constraints, values: np.ndarray | None = None) -> 
     rows = _rows(rule_set, single)
     panels = [rule for rule in enabled if len(_by_subject(rule)) > 1]
     shown = _most_certain(constraints, panels)
-    lines = -(-len(shown) // _COLUMNS)
-    heights = [0.34 * min(len(rows), _MOST_ROWS) + 1.5, 3.7 * lines + 0.8][: 2 if shown else 1]
+    heights = [0.34 * min(len(rows), _MOST_ROWS) + 1.5]
+    if shown:
+        heights.append(3.7 * _lines(shown) + 0.8)
     # Names of features are no formulas, whatever signs are in them.
     with plt.rc_context({'text.parse_math': False}):
         figure = plt.figure(figsize=(_WIDTH, sum(heights)), layout='constrained')
         parts = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
         _draw_rows(parts[0], rule_set, rows, values)
         if shown:
-            _draw_panels(parts[1], constraints, shown, panels, lines, values)
+            _draw_panels(parts[1], constraints, shown, len(panels), values)
     return figure
 
 
@@ -256,22 +258,26 @@ def _most_certain(constraints: Constraints, panels: Sequence[Rule]) -> list[Rule
     return [panels[place] for place in sorted(best)]
 
 
+def _lines(shown: Sequence[Rule]) -> int:
+    """Return how many lines of panels there are."""
+    return -(-len(shown) // _COLUMNS)
+
+
 def _draw_panels(
     part: SubFigure,
     constraints: Constraints,
     shown: Sequence[Rule],
-    panels: Sequence[Rule],
-    lines: int,
+    total: int,
     values: np.ndarray | None,
 ) -> None:
     title = 'Rules with conditions'
-    if len(shown) < len(panels):
-        title += f' ({len(shown)} of {len(panels)}, those with the most evidence)'
+    if len(shown) < total:
+        title += f' ({len(shown)} of {total}, those with the most evidence)'
     part.suptitle(title, fontsize=10)
-    axes = np.ravel(part.subplots(lines, _COLUMNS, squeeze=False))
+    axes = np.ravel(part.subplots(_lines(shown), _COLUMNS, squeeze=False))
     others = False
     for axis, rule in zip(axes, shown, strict=False):
-        others |= _draw_panel(axis, constraints, rule, panels, values)
+        others |= _draw_panel(axis, constraints, rule, shown, values)
     for axis in axes[len(shown) :]:
         axis.remove()
     handles: list[Patch | Line2D] = [
@@ -292,7 +298,7 @@ def _draw_panel(
     axis: Axes,
     constraints: Constraints,
     rule: Rule,
-    panels: Sequence[Rule],
+    shown: Sequence[Rule],
     values: np.ndarray | None,
 ) -> bool:
     """Draw one rule in two dimensions; return whether a corner of another rule is there, too."""
@@ -317,10 +323,8 @@ def _draw_panel(
     ]
     _draw_box(axis, corner, fc=(*mpl.colors.to_rgb(_VIOLATED), 0.25), ec=_VIOLATED, hatch='///',
               lw=0)  # fmt: skip
-    others = [
-        found for other in panels
-        if other is not rule and (found := _by_subject(other)).keys() == set(drawn)
-    ] if not rest else []  # fmt: skip
+    others = [_by_subject(other) for other in shown if other is not rule]
+    others = [other for other in others if other.keys() == literals.keys() and not rest]
     for other in others:
         spans = [
             scale.covered(other[subject]) for scale, subject in zip(scales, drawn, strict=True)
@@ -407,13 +411,16 @@ class _Scale:
         if kinds and kinds[0] <= min(bounds) and max(bounds) <= kinds[-1]:
             ends = [kinds[0] - (kinds[1] - kinds[0]), *kinds, kinds[-1] + (kinds[-1] - kinds[-2])]
             return cls((np.array(ends[1:]) + np.array(ends[:-1])) / 2, kinds)
-        low, high = min(points.min(), *bounds), max(points.max(), *bounds)
+        # A bound far from all that was shown would leave the demonstrations no room.
+        reach = _REACH * (float(np.ptp(points)) or 1.0)
+        near = [bound for bound in bounds if points.min() - reach <= bound <= points.max() + reach]
+        low, high = min([points.min(), *near]), max([points.max(), *near])
         room = 0.12 * (high - low) or 1.0
-        limits = rule_set.space.finite_bounds[:, subject[0][0]]
         # Physical limits end the axis, unless a corner would have no room.
+        limits = rule_set.space.finite_bounds[:, subject[0][0]]
         begin, end = max(low - room, limits[0]), min(high + room, limits[1])
-        begin = begin if begin < min(bounds) else low - room
-        end = end if end > max(bounds) else high + room
+        begin = begin if begin < min(near, default=np.inf) else low - room
+        end = end if end > max(near, default=-np.inf) else high + room
         return cls(np.linspace(begin, end, _CELLS + 1), [])
 
     @property
@@ -427,7 +434,10 @@ class _Scale:
         return float(self.edges[-1])
 
     def covered(self, literals: Sequence[Literal]) -> tuple[float, float]:
-        """Return from where to where all literals of this axis hold; of a mode, whole cells."""
+        """Return from where to where all literals of this axis hold, as far as it is drawn.
+
+        Of a mode, these are whole cells.
+        """
         held = [
             place
             for place, kind in enumerate(self.kinds)
@@ -439,7 +449,8 @@ class _Scale:
         high = min([literal.bound for literal in literals if literal.is_upper], default=self.high)
         # One number alone is as wide as a cell.
         room = (self.edges[1] - self.edges[0]) / 2 if low == high else 0.0
-        return float(low - room), float(high + room)
+        left, right = np.clip([low - room, high + room], self.low, self.high)
+        return float(left), float(right)
 
 
 def _draw_box(axis: Axes, spans: Sequence[tuple[float, float]], **style: Any) -> None:

@@ -107,6 +107,22 @@ def test_a_gap_is_a_stretch_of_a_row_and_no_panel(values):
     assert stretch.get_bbox().intervalx == pytest.approx([0.2, 0.4])
 
 
+def test_many_gaps_of_a_row_share_one_text(values):
+    gaps = [
+        Rule(f'R{low}', (Literal(LOAD, '>', low + 0.2), Literal(LOAD, '<', low + 0.8)))
+        for low in (11.0, 13.0, 15.0)
+    ]
+    (axis,) = rules_figure(constraints(*gaps), values).axes
+    assert words(axis) == ['3 rules between two bounds each']
+    assert len(axis.patches) == 3
+
+
+def test_a_family_whose_members_all_have_rules_has_no_row_of_its_own(values):
+    own = [Rule(f'R{member}', (Literal(member, '<', 0.4),)) for member in NEAR]
+    (axis,) = rules_figure(constraints(*own), values).axes
+    assert rows(axis) == ['speed [m/s]', 'mode', 'd_0 [m]', 'd_1 [m]', '$load_1$ [kg]']
+
+
 def test_each_rule_about_two_numbers_has_a_panel_with_its_corner(values):
     rule = Rule('R1', (FAST, CLOSE))
     evidence = {

@@ -35,15 +35,24 @@ from occ_constraints_pkg.terminal import printable
 _SAFE, _VIOLATED = '#3b6ea5', '#d55e00'
 # From a blue that shows where a single sample lies.
 _DENSITY = ListedColormap(mpl.colormaps['Blues'](np.linspace(0.3, 1.0, 128)))
-# Behind text that may lie on lines.
-_PALE = {'color': 'white', 'alpha': 0.8, 'pad': 0.5}
+# Text that may lie on lines.
+_NOTE: dict[str, Any] = {
+    'color': _VIOLATED,
+    'fontsize': 7,
+    'zorder': 5,
+    'bbox': {'color': 'white', 'alpha': 0.8, 'pad': 0.5},
+}
+# Above the bar of a row, whose ends may have texts of their own.
+_ABOVE = {**_NOTE, 'ha': 'center', 'va': 'bottom'}
+# Stretches of a row with a text of their own.
+_MOST_GAPS = 2
 _DOTS_PER_INCH = 110
 _WIDTH = 8.0
 # What is left out is told in the title.
 _MOST_ROWS, _MOST_PANELS = 60, 12
 _COLUMNS = 2
 # Letters of a title over a panel.
-_LETTERS = 58
+_LETTERS = 52
 # Cells of the density along each axis.
 _CELLS = 48
 # A feature of so few values, a mode or a lane, has a cell for each.
@@ -164,7 +173,8 @@ def _rows(rule_set: RuleSet, single: Iterable[Rule]) -> list[_Row]:
             own = rules.get(family, [])
             # Without a rule, both ends are of interest.
             ends = sorted({which for (_, which), _ in own}) or [-1, 1]
-            rows.append(_Row(tuple((family, which) for which in ends), tuple(own)))
+            if own or not all((member,) in rules for member in family):
+                rows.append(_Row(tuple((family, which) for which in ends), tuple(own)))
         if not family or (place,) in rules:
             rows.append(_Row((((place,), 0),), tuple(rules.get((place,), ()))))
     return rows
@@ -190,10 +200,14 @@ def _draw_rows(
             axis.plot(points[[0, 5]], [at, at], color='#bbbbbb', lw=2, zorder=1)
             axis.plot(points[[1, 4]], [at, at], color=_SAFE, lw=3, alpha=0.5, zorder=2)
             axis.plot(points[[2, 3]], [at, at], color=_SAFE, lw=7, zorder=3)
+        gaps = sum(len(_by_subject(rule)[subject]) > 1 for subject, rule in row.rules)
         for subject, rule in row.rules:
-            _draw_bounds(axis, place, [
-                (literal, (literal.bound - low) / width) for literal in _by_subject(rule)[subject]
-            ], printable(rule.id))  # fmt: skip
+            literals = _by_subject(rule)[subject]
+            bounds = [(literal, (literal.bound - low) / width) for literal in literals]
+            named = len(bounds) == 1 or gaps <= _MOST_GAPS
+            _draw_bounds(axis, place, bounds, printable(rule.id) if named else '')
+        if gaps > _MOST_GAPS:
+            axis.text(0.5, place - 0.14, f'{gaps} rules between two bounds each', **_ABOVE)
         both = 'smallest and ' if len(row.subjects) > 1 else ''
         labels.append(both + _name(row.subjects[-1], rule_set.space))
     axis.set_yticks(range(len(shown)), ['\n'.join(textwrap.wrap(each, 30)) for each in labels])
@@ -224,7 +238,14 @@ def _draw_rows(
 def _draw_bounds(
     axis: Axes, place: int, bounds: Sequence[tuple[Literal, float]], rule_id: str
 ) -> None:
-    """Draw one or two bounds of a rule at shares of the demonstrated range."""
+    """Draw one or two bounds of a rule at shares of the demonstrated range.
+
+    Args:
+        axis: where.
+        place: of the row.
+        bounds: the literals, each with the share.
+        rule_id: for the text beside them; empty for no text, of two bounds.
+    """
     texts = [f'{literal.operator} {literal.bound:.4g}' for literal, _ in bounds]
     shares = [min(max(at, -_BEYOND), 1.0 + _BEYOND) for _, at in bounds]
     for (_, at), share in zip(bounds, shares, strict=True):
@@ -235,17 +256,16 @@ def _draw_bounds(
             marker = '<' if at < share else '>'
             axis.plot(share, place, marker, color=_VIOLATED, ms=6, zorder=4)
     text = f'{rule_id}: {" and ".join(texts)}'
-    style: dict[str, Any] = {'color': _VIOLATED, 'fontsize': 7, 'zorder': 5}
     if len(bounds) > 1:
         span = min(shares), max(shares)
         _draw_box(axis, [span, (place - 0.38, place + 0.38)], color=_VIOLATED, alpha=0.35, lw=0)
-        # Above the bar, whose ends may have labels of their own.
-        axis.text(sum(span) / 2, place - 0.14, text, ha='center', va='bottom', bbox=_PALE, **style)
+        if rule_id:
+            axis.text(sum(span) / 2, place - 0.14, text, **_ABOVE)
     else:
         is_left = bounds[0][0].is_upper
         axis.annotate(
             text, (shares[0], place), (-6 if is_left else 6, 0), textcoords='offset points',
-            ha='right' if is_left else 'left', va='center', bbox=_PALE, **style,
+            ha='right' if is_left else 'left', va='center', **_NOTE,
         )  # fmt: skip
 
 
@@ -272,7 +292,7 @@ def _draw_panels(
 ) -> None:
     title = 'Rules with conditions'
     if len(shown) < total:
-        title += f' ({len(shown)} of {total}, those with the most evidence)'
+        title += f' ({len(shown)} of {total}: those with the most evidence, else the first)'
     part.suptitle(title, fontsize=10)
     axes = np.ravel(part.subplots(_lines(shown), _COLUMNS, squeeze=False))
     others = False

@@ -5,6 +5,8 @@
 import os
 import re
 import shlex
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -13,7 +15,7 @@ ROOT = Path(__file__).parents[1]
 DOCS = ROOT / 'docs'
 # A block of commands, and the block of output after it.
 STEPS = re.compile(r'```sh\n(.*?)```\n\n```\n(.*?)```', re.DOTALL)
-SHELL_ONLY = ('occ node', 'occ play')
+SHELL_ONLY = ('occ node', 'occ play', 'occ record')
 
 
 def test_readme(occ, tmp_path):
@@ -94,6 +96,24 @@ def test_the_tutorial_on_recordings_of_a_robot(occ, tmp_path):
         _assert_shows(shown, printed)
     (shown_map,) = re.findall(r'```yaml\n(.*?)```', text, re.DOTALL)
     _assert_shows(shown_map, (tmp_path / 'my_robot.yaml').read_text())
+
+
+def test_the_tutorial_on_a_simulated_arm(occ, tmp_path):
+    pytest.importorskip('mujoco', reason="needs the extra 'train'")
+    pytest.importorskip('matplotlib', reason="needs the extra 'report'")
+    (tmp_path / 'scripts').symlink_to(ROOT / 'scripts')
+    text = (DOCS / 'your_arm.md').read_text(encoding='utf-8')
+    # Alone in its block stands what is run live, and what prints nothing.
+    recording, *silent = re.findall(r'```sh\n(python .*?)```', text, re.DOTALL)[1:]
+    assert len(silent) == 1
+    for line in _lines(recording, tmp_path):
+        subprocess.run([sys.executable, *line.split()], cwd=tmp_path, check=True, timeout=120)
+    steps = [item for item in STEPS.findall(text) if not item[0].startswith(SHELL_ONLY)]
+    assert len(steps) == 6
+    for commands, shown in steps:
+        _assert_shows(shown, ''.join(occ(line)[1] for line in _lines(commands, tmp_path)))
+    (shown_map,) = re.findall(r'```yaml\n(.*?)```', text, re.DOTALL)
+    _assert_shows(shown_map, (tmp_path / 'arm.yaml').read_text())
 
 
 def test_recordings_of_traffic(occ, tmp_path):

@@ -212,6 +212,11 @@ def test_several_recordings_are_used_together(messages, write_bag):
     assert told.endswith('learn from both, or leave it out')
     assert suggestion.name == 'one, two'
 
+    third = flight('three', 20.0, 2.0)
+    (told,) = [text for text in suggest(first, third, second).warnings if 'speed lies' in text]
+    assert 'of the rows of two (-3 to 3), and for no more of another recording' in told
+    assert told.endswith('learn from all, or leave it out')
+
 
 def test_a_topic_that_only_one_recording_has(messages, write_bag):
     entries = drive(messages)

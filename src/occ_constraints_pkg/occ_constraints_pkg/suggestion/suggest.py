@@ -467,6 +467,8 @@ def _compare(
     for item in used:
         places = _columns(item, rows[0].feature_map)
         columns = [part.values[:, places] for part in rows]
+        # Of each recording that the first would flag: the share of its rows, and in words.
+        strangers: list[tuple[float, str]] = []
         for number, (own, name) in enumerate(zip(columns, names, strict=True)):
             first = columns[0] if number else None
             if first is None or not (np.isfinite(first).any() and np.isfinite(own).any()):
@@ -486,8 +488,20 @@ def _compare(
             if not drains and shift > max(span, other) and 0.5 * span <= other <= 2.0 * span:
                 item.aside, changed = f'{what}: it differs by an offset only', True
                 break
-            told.append(f'{what}; learn from both, or leave it out')
+            strangers.append((strange, what))
+        if strangers and not item.aside:
+            told.append(_strangeness(strangers))
     return changed
+
+
+def _strangeness(strangers: Sequence[tuple[float, str]]) -> str:
+    """Return one sentence for a feature, about the recording of which most rows are strange."""
+    _, what = max(strangers, key=lambda stranger: stranger[0])
+    others = len(strangers) - 1
+    if not others:
+        return f'{what}; learn from both, or leave it out'
+    rest = f'{others} other recordings' if others > 1 else 'another recording'
+    return f'{what}, and for no more of {rest}; learn from all, or leave it out'
 
 
 def _warnings(

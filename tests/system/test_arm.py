@@ -1,0 +1,92 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""The arm of the second tutorial, live: recorded, and judged when a box stands in its way."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from occ_constraints_pkg.demo.processes import environment
+from occ_constraints_pkg.stopping import PARENT_VARIABLE
+from rosbags.highlevel import AnyReader
+
+pytest.importorskip('mujoco', reason="needs the extra 'train'")
+TOPICS = ('/joint_commands', '/wrist/wrench', '/joint_states')
+SCRIPT = Path(__file__).parents[2] / 'scripts' / 'arm.py'
+
+
+def start_arm(nodes, *arguments):
+    variables = {**environment(nodes.domain), PARENT_VARIABLE: str(os.getpid())}
+    return subprocess.Popen([sys.executable, SCRIPT, *arguments], env=variables)
+
+
+def run_arm(*arguments):
+    return subprocess.run(
+        [sys.executable, SCRIPT, *map(str, arguments)], capture_output=True, text=True, timeout=120
+    )
+
+
+def test_a_box_in_the_way_is_a_violation(nodes, observer, run_occ):
+    folder = nodes.folder
+    assert run_arm('--bag', folder / 'safe', '--count', 3).returncode == 0
+    safe = ' '.join(str(folder / f'safe_{number:02}') for number in (1, 2, 3))
+    assert run_occ(f'features suggest {safe} -o {folder}/arm.yaml')[0] == 0
+    code, _, error = run_occ(f'learn {safe} -m {folder}/arm.yaml -o {folder}/constraints.yaml')
+    assert code == 0, error
+
+    nodes.start('monitor', constraints_file=folder / 'constraints.yaml')
+    observer.wait_for_monitor(2)
+    arm = start_arm(nodes, '--seed', '2', '--box-at', '0')
+    try:
+        observer.spin_until(lambda: 'wrench_force at' in told(observer))
+    finally:
+        arm.send_signal(signal.SIGINT)
+        assert arm.wait(30) == 0
+
+
+def told(observer):
+    return ' '.join(
+        status.message
+        for message in observer.heard.violations.values()
+        for status in message.status
+    )
+
+
+def test_what_is_recorded_live_is_what_is_written_without_ros(nodes, observer):
+    recorder = nodes.start('recorder', output=nodes.folder / 'live')
+    observer.spin_until(lambda: (nodes.folder / 'live').is_dir())
+    arm = start_arm(nodes, '--seed', '4', '--seconds', '3')
+    assert arm.wait(60) == 0
+    nodes.stop(recorder)
+    assert run_arm('--bag', nodes.folder / 'dry', '--seed', 4, '--seconds', 3).returncode == 0
+    live, dry = (readings(nodes.folder / name) for name in ('live', 'dry'))
+    assert {topic: len(found) for topic, found in dry.items()} == dict.fromkeys(TOPICS, 150)
+    for topic in TOPICS:
+        # The recorder needs a moment to find a new topic.
+        missed = dry[topic].index(live[topic][0])
+        assert missed < 100
+        assert live[topic] == dry[topic][missed:]
+
+
+def readings(bag):
+    """Return the messages of each topic of the arm without their stamps."""
+    found = {topic: [] for topic in TOPICS}
+    with AnyReader([bag]) as reader:
+        for connection, _, data in reader.messages():
+            if connection.topic in found:
+                # Four bytes of encapsulation, eight of the stamp.
+                found[connection.topic].append(bytes(data[12:]))
+    return found
+
+
+def test_mistakes(tmp_path):
+    assert run_arm('--bag', tmp_path / 'one', '--seconds', 0.1).returncode == 0
+    again = run_arm('--bag', tmp_path / 'one', '--seconds', 0.1)
+    assert (again.returncode, again.stderr) == (
+        2,
+        f'error: {tmp_path}/one exists already; allowed is a new directory for each recording\n',
+    )
+    assert run_arm('--count', 2).returncode == 2

@@ -245,7 +245,7 @@ def publish(arm: Arm, seconds: float) -> None:
     node = rclpy.create_node('arm')
     types = {JOINT_STATE: JointState, WRENCH: WrenchStamped}
     publishers = {
-        topic: node.create_publisher(types[kind], topic, 10) for topic, kind in TOPICS.items()
+        topic: node.create_publisher(types[kind], topic, 100) for topic, kind in TOPICS.items()
     }
     begin, start_ns = time.monotonic(), node.get_clock().now().nanoseconds
     try:
@@ -295,4 +295,7 @@ def main() -> int:
 
 
 if __name__ == '__main__':
-    sys.exit(main())
+    try:
+        sys.exit(main())
+    except KeyboardInterrupt:
+        sys.exit(130)

@@ -51,6 +51,14 @@ def test_checking(occ, tmp_path):
     assert printed[-1] == printed[-2] + warned
 
 
+def test_the_comparison_of_two_files(occ, tmp_path):
+    (tmp_path / 'bags').symlink_to(ROOT / 'bags')
+    _, text = (DOCS / 'constraints_file.md').read_text(encoding='utf-8').split('## What changed')
+    ((commands, shown),) = STEPS.findall(text.partition('## What is written')[0])
+    *_, printed = [occ(line)[1] for line in _lines(commands, tmp_path)]
+    _assert_shows(shown, printed)
+
+
 def test_the_example_of_the_paper(occ, tmp_path):
     (tmp_path / 'bags').symlink_to(ROOT / 'bags')
     text = (DOCS / 'method.md').read_text(encoding='utf-8')

@@ -105,6 +105,32 @@ def show(
 
 
 @click.command()
+@click.argument('first', metavar='A', type=click.Path())
+@click.argument('second', metavar='B', type=click.Path())
+@JSON
+def diff(first: str, second: str, as_json: bool) -> int:
+    """Compare two constraints files, and prove where verdicts differ.
+
+    Prints for each rule an input that one file flags and the other does not, then the bounds that
+    moved and the rules that are new, gone or edited. Exit code 1 unless the verdicts are proven to
+    be the same.
+
+    \b
+    Example: occ diff constraints.yaml.bak constraints.yaml
+    """
+    from occ_constraints_pkg.learning.changes import compare_files
+    from occ_constraints_pkg.learning.changes_text import (
+        comparison_document,
+        describe_comparison,
+    )
+    from occ_constraints_pkg.rules.constraints_file import load_constraints
+
+    result = compare_files(load_constraints(first), load_constraints(second))
+    _print(as_json, lambda: comparison_document(result), lambda: describe_comparison(result))
+    return 0 if result.is_same else 1
+
+
+@click.command()
 @DATA
 @DEFINITIONS
 @click.option('-c', '--constraints', required=True, type=click.Path(), help='Constraints file.')

@@ -296,7 +296,7 @@ def describe_why(document: Mapping[str, Any]) -> str:
     )
     for literal in document['literals']:
         lines.append(f'  {literal["text"]}: {_describe_support(literal, document["near"])}')
-        lines += [f'    {_describe_sample(sample)}' for sample in literal['closest']]
+        lines += [f'    {describe_sample(sample)}' for sample in literal['closest']]
     return '\n'.join(map(printable, lines))
 
 
@@ -356,7 +356,8 @@ def _describe_support(literal: Mapping[str, Any], near: float) -> str:
     return f'{count}; closest, one per episode:'
 
 
-def _describe_sample(sample: Mapping[str, Any]) -> str:
+def describe_sample(sample: Mapping[str, Any]) -> str:
+    """Return value, source and time of one of the closest samples of :func:`why_document`."""
     text = f'{sample["value"]!r}'
     text += f' ({sample["feature"]}, of the family)' if 'feature' in sample else ''
     if sample.get('source'):

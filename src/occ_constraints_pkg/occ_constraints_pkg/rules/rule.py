@@ -254,7 +254,7 @@ class Rule:
                 parts.append(f'{name} equal to {_short(low.bound)}{suffix}')
             elif low and high:
                 inside = 'from {} to {}' if low.operator == '>=' else 'between {} and {}'
-                parts.append(f'{name} {inside.format(*_apart(low.bound, high.bound))}{suffix}')
+                parts.append(f'{name} {inside.format(*apart(low.bound, high.bound))}{suffix}')
             elif low:
                 word = 'above' if low.operator == '>' else 'at least'
                 parts.append(f'{name} {word} {_short(low.bound)}{suffix}')
@@ -360,7 +360,7 @@ def _short(number: float) -> str:
     return f'{number:.4g}'
 
 
-def _apart(low: float, high: float) -> tuple[str, str]:
+def apart(low: float, high: float) -> tuple[str, str]:
     """Format two different numbers with as many digits, at least four, as distinguish them."""
     texts = ((f'{low:.{digits}g}', f'{high:.{digits}g}') for digits in range(4, 18))
     return next(pair for pair in texts if pair[0] != pair[1])

@@ -14,11 +14,12 @@ from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.rules.verdict import Verdict
 
 # Boxes looked at for all rules of one side, until the rest is left unproven; some seconds.
-MOST_BOXES = 50_000
+MOST_BOXES = 5_000
 # Differing boxes listed for one rule.
 MOST_PIECES = 20
-# Points tried for each rule of which the boxes were too many.
+# Points tried for each rule of which the boxes were too many, and for how many such rules.
 POINTS_TRIED = 2_000
+MOST_TRIED = 20
 
 # First and last values inside, (k,) each.
 _Box = tuple[np.ndarray, np.ndarray]
@@ -110,9 +111,9 @@ def compare_verdicts(
     in any order; disabled rules do not count. Inputs are all finite floats within the physical
     bounds of both.
 
-    The number of boxes can grow exponentially with that of the rules. After ``most_boxes`` only
-    points are tried for the remaining rules, random ones and corners, and these rules are listed as
-    unproven unless one was found.
+    The number of boxes can grow exponentially with that of the rules. After ``most_boxes`` the
+    remaining rules are listed as unproven, and only points, random ones and corners, are tried for
+    the first :data:`MOST_TRIED` of them.
 
     Args:
         first: a rule set.
@@ -303,7 +304,12 @@ class _Search:
 
     def run(self) -> tuple[Difference, ...]:
         found: list[Difference] = []
+        formulas = {_formula(rule, self._other) for rule in self._others.rules}
+        tried = 0
         for rule in self._rules:
+            # What most files have in common needs no boxes.
+            if _formula(rule, self._own) in formulas:
+                continue
             pieces: list[_Box] = []
             is_whole = False
             for piece in self._pieces(rule):
@@ -316,7 +322,8 @@ class _Search:
                 is_whole = True
             if not is_whole:
                 self.unproven.append(rule.id)
-                if not pieces:
+                if not pieces and tried < MOST_TRIED:
+                    tried += 1
                     pieces = self._tried(rule)
             pieces.sort(key=self._inputs.size, reverse=True)
             found += [self._difference(rule, piece) for piece in pieces]
@@ -516,3 +523,11 @@ def _exclude(box: _Box, literal: Literal, members: np.ndarray) -> None:
 
 def _enabled(rule_set: RuleSet) -> list[Rule]:
     return [rule_set.rules[index] for index in rule_set.order]
+
+
+def _formula(rule: Rule, columns: np.ndarray) -> frozenset[tuple[tuple[int, ...], str, float]]:
+    """Return the literals over the features of both rule sets."""
+    return frozenset(
+        (tuple(sorted(columns[list(item.members)].tolist())), item.operator, item.bound)
+        for item in rule.literals
+    )

@@ -27,8 +27,11 @@ class _GroupedCommands(click.Group):
 
     def format_commands(self, _context: click.Context, formatter: click.HelpFormatter) -> None:
         width = max(map(len, self.commands))
+        formatter.write_paragraph()
         for title, commands in _GROUPS.items():
-            with formatter.section(title):
+            # Not as sections, whose empty lines would make it longer than a screen.
+            formatter.write_heading(title)
+            with formatter.indentation():
                 formatter.write_dl(
                     [
                         (f'{command.name:<{width}}', command.get_short_help_str(formatter.width))

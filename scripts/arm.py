@@ -238,10 +238,11 @@ def publish(arm: Arm, seconds: float) -> None:
     import rclpy
     from geometry_msgs.msg import WrenchStamped
     from rclpy.duration import Duration
-    from rclpy.executors import ExternalShutdownException
+    from rclpy.signals import SignalHandlerOptions
     from sensor_msgs.msg import JointState
 
-    rclpy.init()
+    # Signals raise KeyboardInterrupt, in place of ending the context in the middle of a message.
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node('arm')
     types = {JOINT_STATE: JointState, WRENCH: WrenchStamped}
     publishers = {
@@ -254,7 +255,7 @@ def publish(arm: Arm, seconds: float) -> None:
             publishers[topic].publish(data)
         for publisher in publishers.values():
             publisher.wait_for_all_acked(Duration(seconds=1))
-    except (KeyboardInterrupt, ExternalShutdownException):
+    except KeyboardInterrupt:
         pass
     finally:
         node.destroy_node()

@@ -42,9 +42,7 @@ def write(document: Any, by_library: Callable[[Any], str]) -> str:
         document: plain values.
         by_library: writes a document with the library.
     """
-    # What begins near the end of a line is folded in ways of its own.
-    is_narrow = 2 * _depth(document) < _WIDTH // 2
-    if not isinstance(document, dict) or _is_flow(document) or not is_narrow:
+    if not isinstance(document, dict) or _is_flow(document):
         return by_library(document)
     return ''.join(_Writer(by_library).document(document))
 
@@ -107,19 +105,6 @@ class _Writer:
             nested = {other: nested}
         lines = self._library(nested).split('\n')
         return ''.join(f'{line}\n' for line in lines[before : -after - 1])
-
-
-def _depth(document: Any) -> int:
-    """Return how many collections of a document lie within each other at most."""
-    depth, level = 0, [document]
-    while level := [item for item in level if isinstance(item, dict | list)]:
-        depth += 1
-        level = [
-            item
-            for collection in level
-            for item in (collection.values() if isinstance(collection, dict) else collection)
-        ]
-    return depth
 
 
 def _is_flow(value: Any) -> bool:

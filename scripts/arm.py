@@ -23,6 +23,7 @@ import mujoco
 import numpy as np
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.rosbag.writer import BagWriter
+from occ_constraints_pkg.stopping import stop_request
 from rosbags.typesys import Stores, get_typestore
 
 JOINTS = ('base', 'shoulder', 'elbow', 'wrist')
@@ -241,7 +242,7 @@ def publish(arm: Arm, seconds: float) -> None:
     from rclpy.signals import SignalHandlerOptions
     from sensor_msgs.msg import JointState
 
-    # Signals raise KeyboardInterrupt, in place of ending the context in the middle of a message.
+    # A signal is to end the drive between two messages, not the context in the middle of one.
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node('arm')
     types = {JOINT_STATE: JointState, WRENCH: WrenchStamped}
@@ -249,17 +250,15 @@ def publish(arm: Arm, seconds: float) -> None:
         topic: node.create_publisher(types[kind], topic, 100) for topic, kind in TOPICS.items()
     }
     begin, start_ns = time.monotonic(), node.get_clock().now().nanoseconds
-    try:
-        for now, topic, data in arm.messages(seconds, start_ns):
-            time.sleep(max(0.0, begin + now - time.monotonic()))
-            publishers[topic].publish(data)
-        for publisher in publishers.values():
-            publisher.wait_for_all_acked(Duration(seconds=1))
-    except KeyboardInterrupt:
-        pass
-    finally:
-        node.destroy_node()
-        rclpy.try_shutdown()
+    for now, topic, data in arm.messages(seconds, start_ns):
+        time.sleep(max(0.0, begin + now - time.monotonic()))
+        if stop_request.made:
+            break
+        publishers[topic].publish(data)
+    for publisher in publishers.values():
+        publisher.wait_for_all_acked(Duration(seconds=1))
+    node.destroy_node()
+    rclpy.try_shutdown()
 
 
 def main() -> int:
@@ -278,7 +277,8 @@ def main() -> int:
     if options.bag is None:
         if options.count is not None:
             parser.error('--count needs --bag')
-        publish(Arm(options.seed, options.box_at), options.seconds)
+        with stop_request.listening():
+            publish(Arm(options.seed, options.box_at), options.seconds)
         return 0
     if options.count is None:
         bags = {options.seed: options.bag}

@@ -127,7 +127,7 @@ def learn(
         >>> constraints = occ.learn('bags/simple_nav_expert', 'simple_nav')
         >>> for rule in constraints.rules:
         ...     print(rule.id, rule.words(constraints.space))
-        R94ae8 x below 0.08601
+        R94ae8 x below 0.08651
         R5de3a x above 0.9
         Ra3a47 y below 0.09014
         R62a3d y above 0.9

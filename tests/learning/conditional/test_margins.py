@@ -16,17 +16,6 @@ def test_levels_of_their_own_need_a_margin_and_a_common_edge_needs_none():
     assert outward_margin(edge, EPISODES, SHARE) == 0
 
 
-def test_the_end_of_a_thin_tail_is_no_bound_and_an_edge_is_one():
-    """As of a car that hardly ever reverses, and of one that comes to its limit in every drive."""
-    rng = np.random.default_rng(2)
-    often = np.repeat(0.1 + 0.05 * rng.exponential(size=100), 50)
-    reverse = np.where(rng.random(5_000) < 0.1, often, 0.0)
-    episodes = np.repeat(np.arange(100), 50)
-    margin = outward_margin(reverse, episodes, SHARE)
-    assert 0.3 < margin / (reverse.max() - 0.1) < 1.5
-    assert outward_margin(rng.random(5_000), episodes, SHARE) < 0.02
-
-
 def test_fresh_episodes_hardly_go_beyond():
     rng = np.random.default_rng(1)
 

@@ -3,11 +3,9 @@
 """A margin for each demonstrated minimum and maximum.
 
 The extreme of what was demonstrated is the edge of the demonstrations, not of what is safe: the
-next episode goes a little beyond it somewhere, and another driver farther. How far differs from
-bound to bound. Where each episode has its own level (a temperature), the extremes of episodes lie
-far apart; where all come to the same edge (a clearance that is kept), they hardly differ. At an
-edge the extremes get denser; where they thin out, the largest one is only where the demonstrations
-happened to end.
+next episode goes a little beyond it somewhere. How far differs from bound to bound. Where each
+episode has its own level (a temperature), the extremes of episodes lie far apart; where all come
+to the same edge (a clearance that is kept), they hardly differ.
 """
 
 from __future__ import annotations
@@ -23,12 +21,6 @@ _REACH = 10
 _FEWEST, _MOST = 3, 20
 # The extremes of fewer episodes say too little of those of the next one.
 _LEAST_EPISODES = 10
-# Extremes thin out if the upper fifth of them is longer than the three tenths below that; the
-# bound moves by so many times the difference. Twice would help where other drivers go farther
-# (CarPush1), and miss more where a tail simply is a normal one.
-_THINNING = 1.0
-# The extremes of episodes with fewer samples are samples as any others.
-_LEAST_SAMPLES = 10
 
 
 def outward_margin(column: np.ndarray, episodes: np.ndarray, share: float) -> float:
@@ -36,9 +28,9 @@ def outward_margin(column: np.ndarray, episodes: np.ndarray, share: float) -> fl
 
     The time beyond a bound is thought to fall off exponentially, as tails do: with the time spent
     beyond the tail's beginning, and with the mean excess of the episodes' extremes over it. Not all
-    do: where speed ends at a standstill, many episodes have nearly the same extreme. So that margin
+    do: where speed ends at a standstill, many episodes have nearly the same extreme. So the margin
     is at most as wide as the extremes of a tenth of the episodes are apart, at least those of
-    the first two. Where the extremes thin out, the maximum moves at least by how much they do.
+    the first two.
 
     Args:
         column: (n,) values, those of an episode one after the other.
@@ -50,16 +42,11 @@ def outward_margin(column: np.ndarray, episodes: np.ndarray, share: float) -> fl
     if count < _LEAST_EPISODES:
         return 0.0
     extremes = np.sort(np.maximum.reduceat(column, starts))[::-1]
-    largest, upper, middle = extremes[[0, count // 5, count // 2]].tolist()
-    thinning = _THINNING * ((largest - upper) - (upper - middle))
-    is_thin = math.isfinite(thinning) and len(column) >= _LEAST_SAMPLES * count
-    thinning = max(0.0, thinning) if is_thin else 0.0
     tail = min(count - 1, max(_FEWEST, math.ceil(_TAIL_SHARE * count)), _MOST)
     start = extremes[tail]
     scale = float(np.mean(extremes[:tail] - start))
     beyond = float(np.mean(column > start))
     if scale <= 0 or beyond <= share:
-        return thinning
+        return 0.0
     most = float(extremes[0] - extremes[max(1, count // _REACH)])
-    expected = scale * math.log(beyond / share) - float(extremes[0] - start)
-    return max(thinning, min(most, expected))
+    return min(most, max(0.0, scale * math.log(beyond / share) - float(extremes[0] - start)))

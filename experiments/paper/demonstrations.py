@@ -22,7 +22,7 @@ from experiments.states import demonstrate, driver_of, first_episodes, heedless_
 
 RULES, DEMONSTRATIONS, STATES = 'rules.yaml', 'demonstrations.npz', 'states.npz'
 TREES: dict[str, dict[str, Any]] = {
-    'default': {'conditions': 'triples'},
+    'default': {},
     # That of the article, with the paper's limit of depth in place of the article's stop.
     'article': {'clip': 'density', 'alpha': 0.5, 'beta': 0.02, 'min_split': 0.0},
     'box': {'conditions': 'none'},

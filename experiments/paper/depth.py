@@ -22,7 +22,6 @@ from experiments.states import demonstrate
 
 WORLD = 'CarPush1'
 COMPARED = {'article': "the article's tree", 'default': 'the default learner'}
-_SETTINGS: dict[str, dict[str, Any]] = {'article': TREES['article'], 'default': {}}
 _DEEPEST = 20
 
 
@@ -70,7 +69,7 @@ def compare_depths(
         values.astype(np.float64),
         robots,
         load_feature_map(WORLD).space,
-        OCTreeSettings(**_SETTINGS[tree], max_depth=_DEEPEST),
+        OCTreeSettings(**TREES[tree], max_depth=_DEEPEST),
         rng=np.random.default_rng(seed),
         truth=(states['values'].astype(np.float64), states['costly'].astype(float)),
     )

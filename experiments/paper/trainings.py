@@ -47,8 +47,6 @@ _EVALUATION_SEED = 30_000
 _CURVE_POINTS = 100
 # Improvements of a cost that is learned by training, and the most episodes for each.
 _IMPROVEMENTS, _MOST_ROLLOUTS = 30, 32
-# Episodes of simple_nav are short: with the default's rollouts there would be two dozen updates.
-_LEARNER: dict[str, dict[str, Any]] = {'simple_nav': {'rollout_steps': 64, 'minibatch': 1024}}
 # Weight of the entropy in the reward of maximum causal entropy.
 _ENTROPY = 1e-3
 
@@ -207,7 +205,7 @@ class _Training:
 
     def __init__(self, path: Path, target: str, seed: int, steps: int, robots: int) -> None:
         self.path, self.target, self.seed, self._steps = path, target, seed, steps
-        config = learner_settings(_LEARNER.get(target, {}))
+        config = learner_settings({})
         config.check_steps('steps', steps, robots)
         self.rollout = config.rollout_steps * robots
         self.world = WatchedWorld(make_world(target, robots, processes=1))
@@ -238,8 +236,7 @@ class _Training:
             kept = [x for x in read_metrics(self._log) if x['updates'] <= learner.updates]
             write_text(self._log, RESULTS, ''.join(json.dumps(line) + '\n' for line in kept))
         else:
-            chosen = {**_LEARNER.get(self.target, {}), **settings}
-            config = learner_settings({**chosen, 'decay_steps': self._steps})
+            config = learner_settings({**settings, 'decay_steps': self._steps})
             world = self.world
             learner = PPOLagrangian(
                 config, world.columns, world.action_columns, world.name, self.seed

@@ -1,5 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -281,3 +282,15 @@ def test_random_forests_of_rules_are_compared_in_time(seed):
     rules = tuple(second.rules[index] for index in rng.permutation(len(second.rules)))
     assert compare_verdicts(second, replace(second, rules=rules)).is_same
     assert compare_verdicts(second, replace(second, rules=rules[1:])).differs
+
+
+def test_a_feature_demonstrated_as_constant_needs_no_warning():
+    space = FeatureSpace((Feature('level'), Feature('speed')))
+    rules = Rule('a', (Literal(1, '>', 1.0),)), Rule('b', (Literal(0, '>', 30.0),))
+    demonstrated = np.array([[0.5, 0.5], [0.0, 1.0]])
+    first = RuleSet(space, rules, demonstrated)
+    second = RuleSet(space, rules[:1], demonstrated)
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        result = compare_verdicts(first, second)
+    assert [item.rule for item in result.only_first] == ['b']

@@ -99,6 +99,22 @@ def test_moved_bounds_give_a_larger_safe_set_that_holds_what_it_tolerates(learne
     np.testing.assert_array_equal(formula.rule_set.judge(rows).verdict == 1, ~inside)
 
 
+def test_a_family_moves_even_if_its_first_member_is_discrete():
+    literals = Condition((1,), '>', 0.5), Condition(FAMILY, '<', 1.0, 'sectors')
+    box = np.array([[0.0, 2.0]] * 5)
+    rule = ConditionalRule(literals, 0.1, 0.0, 15.0)
+    # The first sector had the values 0 and 0.1 only.
+    given = MovableRules(
+        LearnedRules(box, box, (rule,), {2: 0.1}),
+        np.full(5, 2.0),
+        np.array([[-np.inf, np.inf]] * 5),
+    )
+    (moved,) = given.moved(0.1).learned.rules
+    assert [literal.bound for literal in moved.literals] == pytest.approx([0.7, 0.8])
+    row = np.array([[0.0, 0.6, 0.9, 1.5, 1.5]])
+    assert given.tolerances(row) == pytest.approx([0.05])
+
+
 def drives(episodes=80, steps=60, seed=0):
     """Return drives in three modes, in which any near obstacle slows down."""
     rng = np.random.default_rng(seed)

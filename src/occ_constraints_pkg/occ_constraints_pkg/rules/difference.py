@@ -213,7 +213,9 @@ class _Inputs:
         """Return how large a box is near the demonstrations, to compare boxes by."""
         low, high = np.maximum(box[0], self.usual_low), np.minimum(box[1], self.usual_high)
         extent = np.maximum(self.usual_high / 2 - self.usual_low / 2, np.finfo(np.float64).tiny)
-        return float(np.clip((high / 2 - low / 2) / extent, 0.0, 1.0).mean())
+        # Far from what was demonstrated as constant; the result is cut to 0 anyway.
+        with np.errstate(over='ignore'):
+            return float(np.clip((high / 2 - low / 2) / extent, 0.0, 1.0).mean())
 
 
 def _between(low: float, high: float, usual_low: float, usual_high: float) -> float:

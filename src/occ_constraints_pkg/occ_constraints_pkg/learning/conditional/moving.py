@@ -80,6 +80,9 @@ class MovableRules:
 
     def _gap(self, literal: Literal) -> float | None:
         """Return the margin from one value of a discrete feature to the next, else ``None``."""
+        # A family is continuous, even if its first member is discrete.
+        if literal.family:
+            return None
         steps, column = self.learned.steps, literal.columns[0]
         return steps[column] / float(self.scale[column]) if column in steps else None
 

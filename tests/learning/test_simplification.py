@@ -243,3 +243,11 @@ def test_two_thousand_rules_of_many_features():
     assert words == {f'x{2 * pair} below 5' for pair in range(20)} | {
         f'x{2 * pair + 1} at least 8' for pair in range(20)
     }
+
+
+def test_of_rules_that_can_never_be_true_one_stays():
+    space = FeatureSpace((Feature('x', low=0.0, high=1.0),))
+    never = tuple(Rule(name, (Literal(0, '>', bound),)) for name, bound in (('a', 2.0), ('b', 3.0)))
+    found = simplify(RuleSet(space, never, np.array([[0.0, 1.0]])))
+    assert found.rule_set.rules == never[:1]
+    assert found.removed == ('b',)

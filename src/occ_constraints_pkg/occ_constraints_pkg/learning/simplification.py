@@ -82,7 +82,9 @@ def simplify(
     boxes = [
         Box.of(rule, index, fixed=stay[index]) for index, rule in enumerate(before) if rule.enabled
     ]
-    rules = _rebuilt(rule_set, simplify_boxes(rule_set.space, boxes), stay)
+    # Without any rule everything would be UNKNOWN, so one stays, though it can never be true.
+    simple = simplify_boxes(rule_set.space, boxes) or boxes[:1]
+    rules = _rebuilt(rule_set, simple, stay)
     if renumber:
         ids = rule_ids(rule_set.space, [rule.literals for rule, _ in rules])
         rules = [

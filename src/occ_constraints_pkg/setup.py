@@ -61,12 +61,13 @@ setup(
     extras_require={
         'ros': ['ros-jazzy-rclpy[fastrtps]>=7.1.4', 'ros-jazzy-common-interfaces', 'pyyaml>=6.0'],
         'train': ['torch>=2.3', 'mujoco>=3.3', 'gymnasium>=1.1', 'highway-env>=1.12'],
-        'report': ['matplotlib>=3.8', 'jinja2>=3.1'],
+        'report': ['matplotlib>=3.8', 'jinja2>=3.1', 'textual>=1.0'],
         'dev': [
             'pytest>=8',
             'pytest-timeout>=2.3',
             'pytest-xdist>=3.6',
             'hypothesis>=6.100',
+            'playwright>=1.48',
             'scikit-learn>=1.6',
             'pandas>=2.1',
             'ruff>=0.9',

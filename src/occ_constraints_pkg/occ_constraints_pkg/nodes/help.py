@@ -27,8 +27,8 @@ _TOPICS = {
     },
     'monitor': {
         'subscribes': 'the topics of the feature map, constraints',
-        'publishes': 'costs, cost, margin, time_to_violation, violation, rules, rule_stats, '
-        'markers, /diagnostics',
+        'publishes': 'costs, cost, margin, time_to_violation, violation, features, rules, '
+        'rule_stats, markers, /diagnostics',
         'services': '~/prune, ~/reset_stats (std_srvs/Trigger), ~/enable (std_srvs/SetBool), and '
         'those of a lifecycle node',
     },

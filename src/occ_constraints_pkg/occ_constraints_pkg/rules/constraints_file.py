@@ -119,19 +119,10 @@ class Constraints:
 
     def dumps(self) -> str:
         """Return the YAML text; floats are written so that they read back bit for bit."""
-        space = self.rule_set.space
-        document: dict[str, Any] = {'schema_version': _SCHEMA_VERSION}
-        document['features'] = [
-            {
-                'name': feature.name,
-                'unit': feature.unit,
-                **({'family': feature.family} if feature.family else {}),
-                'bounds': [_finite_or_none(feature.low), _finite_or_none(feature.high)],
-                'demonstrated': [float(low), float(high)],
-            }
-            for feature, (low, high) in zip(space.features, self.rule_set.demonstrated, strict=True)
-        ]
-        document['rules'] = [_rule_document(rule, space) for rule in self.rule_set.rules]
+        document: dict[str, Any] = {
+            'schema_version': _SCHEMA_VERSION,
+            **rule_set_document(self.rule_set),
+        }
         for key in (
             'feature_map',
             'tree',
@@ -285,6 +276,49 @@ def parse_constraints(text: str, where: str) -> Constraints:
                 )
     _check_version(document, where)
     validate(document, _SCHEMA, where, text=text)
+    rule_set = _rule_set(document, where, text)
+    return Constraints(
+        rule_set,
+        document.get('feature_map'),
+        document.get('tree'),
+        document.get('learner', {}),
+        document.get('coverage', {}),
+        document.get('provenance', {}),
+        document.get('evidence', {}),
+        document.get('safe_set', {}),
+    )
+
+
+def rule_set_document(rule_set: RuleSet) -> dict[str, Any]:
+    """Return the keys ``features`` and ``rules`` of a constraints file."""
+    space = rule_set.space
+    return {
+        'features': [
+            {
+                'name': feature.name,
+                'unit': feature.unit,
+                **({'family': feature.family} if feature.family else {}),
+                'bounds': [_finite_or_none(feature.low), _finite_or_none(feature.high)],
+                'demonstrated': [float(low), float(high)],
+            }
+            for feature, (low, high) in zip(space.features, rule_set.demonstrated, strict=True)
+        ],
+        'rules': [_rule_document(rule, space) for rule in rule_set.rules],
+    }
+
+
+def read_rule_set(document: Any, where: str) -> RuleSet:
+    """Return the rule set of what :func:`rule_set_document` returns, as it comes from elsewhere.
+
+    Raises:
+        ConfigurationError: it is none; the sentence names key and value.
+    """
+    content = {'schema_version': _SCHEMA_VERSION, **document}
+    validate(content, _SCHEMA, where)
+    return _rule_set(content, where)
+
+
+def _rule_set(document: Mapping[str, Any], where: str, text: str | None = None) -> RuleSet:
     try:
         space = FeatureSpace(tuple(_feature(item) for item in document['features']))
         demonstrated = np.array(
@@ -299,16 +333,7 @@ def parse_constraints(text: str, where: str) -> Constraints:
         raise ConfigurationError(f'{locate(error.path, where, text)}{error}') from error
     except (OccError, OverflowError) as error:
         raise ConfigurationError(f'{where}: {error}') from error
-    return Constraints(
-        rule_set,
-        document.get('feature_map'),
-        document.get('tree'),
-        document.get('learner', {}),
-        document.get('coverage', {}),
-        document.get('provenance', {}),
-        document.get('evidence', {}),
-        document.get('safe_set', {}),
-    )
+    return rule_set
 
 
 def _check_version(document: Any, where: str) -> None:

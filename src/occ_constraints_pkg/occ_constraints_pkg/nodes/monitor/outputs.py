@@ -72,6 +72,7 @@ class Outputs:
 
         self._log = StateLog(node)
         self._costs = publisher(PointCloud2, 'costs')
+        self._features = publisher(PointCloud2, 'features')
         self._cost = publisher(Float64, 'cost')
         self._margin = publisher(Float64, 'margin')
         self._time = publisher(Float64, 'time_to_violation')
@@ -115,6 +116,8 @@ class Outputs:
                 :attr:`wants_forecast` is false.
         """
         rule_set, rows, judgement = answer.rule_set, answer.rows, answer.judgement
+        if self._features.get_subscription_count():
+            self._features.publish(features_message(answer))
         if self._cost.get_subscription_count():
             self._cost.publish(Float64(data=0.0 if answer.verdict is Verdict.SAFE else 1.0))
         if self._margin.get_subscription_count():
@@ -170,6 +173,13 @@ class Outputs:
         """Publish on ``/diagnostics`` how the monitor is doing; see `report_message`."""
         message = report_message(self._status_name, state, problem, values, stamp_ns)
         self._diagnostics.publish(message)
+
+
+def features_message(answer: Answer) -> bytes:
+    """Return what was judged, a row for each robot, serialized."""
+    rule_set, rows = answer.rule_set, answer.rows
+    table = Table(rule_set.space.names, np.asarray(rows.values, np.float64))
+    return table_bytes(table, rows.stamp_ns, rule_set.fingerprint)
 
 
 def costs_table(judgement: Judgement) -> Table:

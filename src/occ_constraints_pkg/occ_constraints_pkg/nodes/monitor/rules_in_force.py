@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import dataclass, replace
 
@@ -17,7 +16,7 @@ from occ_constraints_pkg.ros.qos import LATCHED, overridable
 from occ_constraints_pkg.rules import RuleSet
 from occ_constraints_pkg.rules.constraints_file import Constraints, save_derived
 from occ_constraints_pkg.rules.edits import RuleEdits
-from occ_constraints_pkg.rules.listing import rules_document
+from occ_constraints_pkg.rules.listing import rules_in_force_text
 from occ_constraints_pkg.rules.persistent_counts import PersistentCounts
 from occ_constraints_pkg.wording import count_of
 
@@ -124,7 +123,7 @@ class RulesInForce:
             log.warning(f'some of the edits by parameter are of no rule of {rules.where}')
         if not len(rule_set.order):
             log.warning(f'{rules.where} enables no rule, so every verdict will be UNKNOWN')
-        self._topic.publish(String(data=json.dumps(rules_document(rule_set))))
+        self._topic.publish(String(data=rules_in_force_text(rule_set)))
 
     def check(self, edits: RuleEdits) -> None:
         """Check that these edits can be made.

@@ -32,7 +32,7 @@ from occ_constraints_pkg.errors import ConfigurationError, OccError
 from occ_constraints_pkg.features.feature_map import FeatureMap, map_of
 from occ_constraints_pkg.rules import RuleSet
 from occ_constraints_pkg.rules.constraints_file import Constraints, parse_constraints
-from occ_constraints_pkg.rules.listing import rules_document
+from occ_constraints_pkg.rules.listing import rules_in_force_text
 
 MOST_CHARACTERS = 1_000_000
 """Longest text that is read: ten thousand rules."""
@@ -227,7 +227,7 @@ def _read(text: str, where: str) -> tuple[Constraints | None, FeatureMap | None,
         constraints = parse_constraints(text, where)
         feature_map = map_of(constraints, where)
         # What else is asked of rules is tried here, where a failure harms nobody.
-        rules_document(constraints.rule_set)
+        rules_in_force_text(constraints.rule_set)
         _use_once(constraints.rule_set)
         return constraints, feature_map, ''
     except OccError as error:

@@ -12,6 +12,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNodeMixin
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.subscription import Subscription
 
 RCLError = rclpy_implementation.RCLError
 """Raised when the layers below rclpy refuse something, such as a second type on a topic.
@@ -51,3 +52,16 @@ def lifecycle_state(node: LifecycleNodeMixin) -> tuple[int, str]:
 def lifecycle_transitions(node: LifecycleNodeMixin) -> dict[int, str]:
     """Return number and label of the transitions that the present state has; as for the state."""
     return {item[0]: item[1] for item in node._state_machine.available_transitions}
+
+
+def take(subscription: Subscription) -> tuple[bytes, dict[str, int]] | None:
+    """Return the oldest message that waits on a subscription made with ``raw=True``; None for none.
+
+    The public way is an executor, which wakes Python for each message of a topic. Whoever looks a
+    few times a second only, and at the newest message, saves that.
+
+    Returns:
+        The serialized message and when it was sent and received: ``source_timestamp`` and
+        ``received_timestamp`` in ns of the system's clock, 0 where the middleware does not know.
+    """
+    return subscription.handle.take_message(subscription.msg_type, True)

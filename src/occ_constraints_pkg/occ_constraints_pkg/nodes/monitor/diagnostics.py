@@ -16,9 +16,9 @@ from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.rules.verdict import Judgement, Verdict
 
 # Name of the status with a robot's verdict.
-_VERDICT_NAME = 'monitor: verdict'
+VERDICT_NAME = 'monitor: verdict'
 # How the name of a violated rule's status begins.
-_RULE_NAME = 'monitor: rule '
+RULE_NAME = 'monitor: rule '
 # Key of the wall time of judging, in ns. The stamp is the input's, which a simulation or recording
 # sets as it likes, so it does not show whether a verdict is of now or played back.
 _JUDGED_AT = 'judged_at'
@@ -71,7 +71,7 @@ def unknown_message(reason: str, rule_set: RuleSet | None, stamp_ns: int) -> Dia
     values = _summary(0, Verdict.UNKNOWN, math.nan, rule_set)
     message = DiagnosticArray()
     message.header.stamp = to_time(stamp_ns)
-    message.status = [status(_VERDICT_NAME, DiagnosticStatus.STALE, f'UNKNOWN: {reason}', values)]
+    message.status = [status(VERDICT_NAME, DiagnosticStatus.STALE, f'UNKNOWN: {reason}', values)]
     return message
 
 
@@ -105,7 +105,7 @@ def read_verdict(message: DiagnosticArray) -> tuple[Verdict, float, str]:
     worst = Verdict.UNKNOWN, math.nan, 'UNKNOWN: the message on violation has no verdict'
     severity = -1
     for item in message.status:
-        if item.name != _VERDICT_NAME:
+        if item.name != VERDICT_NAME:
             continue
         verdict = next((key for key, level in _LEVELS.items() if level == item.level), None)
         verdict = Verdict.UNKNOWN if verdict is None else verdict
@@ -123,7 +123,7 @@ def read_judged_at(message: DiagnosticArray) -> int | None:
     times = [
         int(entry.value) if _IS_TIME.fullmatch(entry.value) else 0
         for item in message.status
-        if item.name == _VERDICT_NAME
+        if item.name == VERDICT_NAME
         for entry in item.values
         if entry.key == _JUDGED_AT
     ]
@@ -133,9 +133,9 @@ def read_judged_at(message: DiagnosticArray) -> int | None:
 def violated_rule_ids(message: DiagnosticArray) -> list[str]:
     """Return the ids of the rules that a message on ``violation`` names as violated."""
     return [
-        item.name.removeprefix(_RULE_NAME)
+        item.name.removeprefix(RULE_NAME)
         for item in message.status
-        if item.name.startswith(_RULE_NAME)
+        if item.name.startswith(RULE_NAME)
     ]
 
 
@@ -177,16 +177,16 @@ def _robot_statuses(
     summary |= more or {}
     if verdict is Verdict.UNKNOWN:
         text = f'UNKNOWN: {summary.get("reason") or why_unknown(rule_set, sample)}'
-        return [status(_VERDICT_NAME, _LEVELS[verdict], text, summary, robot)]
+        return [status(VERDICT_NAME, _LEVELS[verdict], text, summary, robot)]
     if verdict is Verdict.SAFE:
         words = summary.get('warning', '')
         text = f'SAFE: {words}' if words else 'SAFE'
-        return [status(_VERDICT_NAME, _LEVELS[verdict], text, summary, robot)]
+        return [status(VERDICT_NAME, _LEVELS[verdict], text, summary, robot)]
     margins = rule_set.rule_margins(sample)
     violated = rule_set.violated_rules(sample)
     words = '; '.join(rule_set.rules[index].words(rule_set.space, sample) for index in violated)
     text = f'{verdict.name}: {words}'
-    statuses = [status(_VERDICT_NAME, _LEVELS[verdict], text, summary, robot)]
+    statuses = [status(VERDICT_NAME, _LEVELS[verdict], text, summary, robot)]
     for index in violated:
         rule = rule_set.rules[index]
         details = {
@@ -199,7 +199,7 @@ def _robot_statuses(
                 for feature in rule.fired(sample)
             },
         }
-        name = f'{_RULE_NAME}{rule.id}'
+        name = f'{RULE_NAME}{rule.id}'
         told = rule.words(rule_set.space, sample)
         statuses.append(status(name, DiagnosticStatus.ERROR, told, details, robot))
     return statuses

@@ -14,6 +14,7 @@ BENCHMARKS = {
     'train': 'The same for longer, and occ train with the true cost.',
     'rules': 'Judging by rules beside a decision tree of scikit-learn.',
     'monitor': 'The monitor beside a bare relay; takes 4 minutes.',
+    'watch': 'The live view of five robots beside a bare listener.',
     'record': 'What a killed recorder of 200 topics loses; takes 5 minutes.',
     'gate': 'The gate under random stops, kills and restarts.',
     'bags': 'Features of a bag beside its messages deserialized by rosbags.',

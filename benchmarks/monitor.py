@@ -109,7 +109,7 @@ def run(seconds: float = 60.0) -> dict[str, Any]:
             for _ in range(_MANY_MESSAGES)
         ]
     )
-    constraints = Constraints(rule_set, _feature_map(rule_set.space))
+    constraints = Constraints(rule_set, feature_map_of(rule_set.space))
     with _targets(constraints) as (monitor, relay):
         for target in (monitor, relay):
             target.traffic.fast(one, _WARM, _OUTSTANDING)
@@ -219,7 +219,7 @@ def _targets(constraints: Constraints) -> Iterator[tuple[_Target, _Target]]:
             process.raise_error()
 
 
-def _feature_map(space: FeatureSpace) -> dict[str, Any]:
+def feature_map_of(space: FeatureSpace) -> dict[str, Any]:
     """Return the document of a map that takes each feature from a column of its name."""
     return {
         'schema_version': 1,
@@ -242,9 +242,9 @@ def _feature_map(space: FeatureSpace) -> dict[str, Any]:
 
 def _processor_share(target: _Target, messages: list[bytes], seconds: float) -> float:
     """Return the percentage of one core that a node takes at 50 Hz."""
-    before = _processor_seconds(target.process.pid)
+    before = processor_seconds(target.process.pid)
     target.steadily('50 Hz', messages, 50.0, seconds)
-    used = _processor_seconds(target.process.pid) - before
+    used = processor_seconds(target.process.pid) - before
     return 100.0 * used / target.phases['50 Hz'][-1].seconds
 
 
@@ -261,7 +261,7 @@ def _memory_growth(target: _Target, messages: list[bytes], seconds: float) -> fl
     return (_resident_bytes(target.process.pid) - before) / 1e6
 
 
-def _processor_seconds(pid: int) -> float:
+def processor_seconds(pid: int) -> float:
     """Return the processor time of a process so far (Linux)."""
     # The kernel's number for that clock; /proc tells whole hundredths of a second only.
     return time.clock_gettime((~pid << 3) | _CLOCK_OF_PROCESS)

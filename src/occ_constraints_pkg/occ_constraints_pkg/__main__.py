@@ -8,8 +8,8 @@ from contextlib import nullcontext
 
 from occ_constraints_pkg.stopping import stop_request
 
-# Commands that run a node, which ends cleanly on Ctrl-C, also before it is one.
-_NODES = ('node', 'record', 'play')
+# Commands that go on until Ctrl-C, which ends them cleanly, also while they are being loaded.
+_NODES = ('node', 'record', 'play', 'watch')
 _STOPPED = 130
 
 

@@ -16,6 +16,8 @@ _EXTRAS = {
     'highway_env': 'train',
     'matplotlib': 'report',
     'jinja2': 'report',
+    'textual': 'report',
+    'rich': 'report',
     'sklearn': 'dev',
     'pandas': 'dev',
     'rclpy': 'ros',

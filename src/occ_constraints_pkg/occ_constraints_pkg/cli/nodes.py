@@ -1,15 +1,18 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""``occ node`` and ``occ demo``."""
+"""``occ node``, ``occ watch`` and ``occ demo``."""
 
 from __future__ import annotations
 
+import json
+import os
+from importlib import import_module
 from pathlib import Path
 
 import click
 
-from occ_constraints_pkg.cli.common import Seconds, end_tidily
-from occ_constraints_pkg.errors import import_needed
+from occ_constraints_pkg.cli.common import Seconds, end_tidily, say, say_lines, warn
+from occ_constraints_pkg.errors import MissingDependencyError, import_needed
 
 
 @click.command(context_settings={'ignore_unknown_options': True, 'allow_interspersed_args': False})
@@ -28,6 +31,35 @@ def node(name: str, arguments: tuple[str, ...]) -> int:
     from occ_constraints_pkg.nodes import run
 
     return run(name, ['--ros-args', *arguments])
+
+
+@click.command()
+@click.option('--plain', is_flag=True, help='Print a line for each change instead.')
+@click.option('--json', 'as_json', is_flag=True, help='Print one JSON object for each change.')
+def watch(plain: bool, as_json: bool) -> int:
+    """Show live what monitors and gates say, and change rules.
+
+    Every robot whose monitor is found in the ROS domain (ROS_DOMAIN_ID): verdict, margin over
+    time, rules by closeness, events, gate. Where there is no terminal to draw on, or with
+    NO_COLOR, each change is a plain line.
+
+    \b
+    Example: occ watch
+             occ watch --json > changes.jsonl
+    """
+    from occ_constraints_pkg.ros.environment import check_environment
+
+    check_environment()
+    app = import_needed('occ watch', 'occ_constraints_pkg.watch.app')
+    lines = import_module('occ_constraints_pkg.watch.lines')
+    if not (plain or as_json or lines.is_plain(os.environ)):
+        try:
+            return app.run_screen()
+        except MissingDependencyError as error:
+            warn(f'{error}; here each change is a line')
+    if as_json:
+        return app.run_lines(lambda *item: say_lines(json.dumps(lines.document_of(*item))))
+    return app.run_lines(lambda *item: say(lines.line_of(*item)))
 
 
 @click.command()

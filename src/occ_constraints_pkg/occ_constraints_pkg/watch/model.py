@@ -466,11 +466,7 @@ class Fleet:
         gate = self.gates.get(name)
         before = None if gate is None or gate.is_lost else gate.report
         self.gates[name] = Gate(name, report, when)
-        is_stop = report.state == 'STOP'
-        kind = _NUMBER.sub('', report.reason)
-        if before is None or before.state != report.state or (
-            is_stop and _NUMBER.sub('', before.reason) != kind
-        ):
+        if before is None or _gate_kind(before) != _gate_kind(report):
             reason = f': {report.reason}' if report.reason else ''
             self.note(when, name, 'gate', f'{self.gates[name].words}{reason}')
 
@@ -515,6 +511,11 @@ def robot_name(topic: str) -> str:
         ('/robot1', '/', '/r/alarms')
     """
     return (topic.removesuffix('/violation') or '/') if topic.endswith('/violation') else topic
+
+
+def _gate_kind(report: GateReport) -> str:
+    """Return what is news of a gate: that it stops, and why; not how fast it lets a robot go."""
+    return f'STOP {_NUMBER.sub("", report.reason)}' if report.state == 'STOP' else 'open'
 
 
 def _values(rule_set: RuleSet, index: int, sample: np.ndarray) -> str:

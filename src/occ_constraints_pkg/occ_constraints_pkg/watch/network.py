@@ -184,10 +184,11 @@ class Network:
         """Find who publishes the verdicts on a robot, and what else that node publishes."""
         publishers = self._node.get_publishers_info_by_topic(robot.topic)
         robot.publishers = len(publishers)
-        if not publishers:
-            return
-        one = publishers[0]
         # Endpoints are known a moment before the names of their nodes.
+        known = [item for item in publishers if item.node_namespace.startswith('/')]
+        if not known:
+            return
+        one = known[0]
         name = f'{one.node_namespace.rstrip("/")}/{one.node_name}'
         if robot.monitor != name:
             robot.monitor = name

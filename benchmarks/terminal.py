@@ -15,6 +15,8 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from types import TracebackType
 
+# What a terminal that can draw says of itself, whatever the one that this runs on says.
+_ABLE = {'TERM': 'xterm-256color', 'COLORTERM': 'truecolor', 'NO_COLOR': ''}
 _LOOK_SECONDS = 0.1
 _END_SECONDS = 15.0
 
@@ -31,6 +33,7 @@ class TerminalProcess:
         environment: of the program.
         columns: of the terminal.
         rows: of the terminal.
+        variables: more of the environment.
     """
 
     def __init__(
@@ -40,6 +43,7 @@ class TerminalProcess:
         *,
         columns: int = 120,
         rows: int = 40,
+        variables: Mapping[str, str] | None = None,
     ) -> None:
         self.output = b''
         self._own, other = pty.openpty()
@@ -49,7 +53,7 @@ class TerminalProcess:
             stdin=other,
             stdout=other,
             stderr=other,
-            env={**environment, 'TERM': 'xterm-256color', 'COLORTERM': 'truecolor'},
+            env={**environment, **_ABLE, **(variables or {})},
             start_new_session=True,
         )
         os.close(other)

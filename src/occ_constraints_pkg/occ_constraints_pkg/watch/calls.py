@@ -223,5 +223,3 @@ def _texts(name: str, texts: list[str]) -> Parameter:
         type=ParameterType.PARAMETER_STRING_ARRAY, string_array_value=texts or ['']
     )
     return Parameter(name=name, value=value)
-
-

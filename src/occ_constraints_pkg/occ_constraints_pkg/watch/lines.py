@@ -17,9 +17,7 @@ LOOK_SECONDS = 0.2
 _QUIET_SECONDS = 5.0
 
 
-def follow(
-    poll: Callable[[], None], fleet: Fleet, write: Callable[[Change, float], None]
-) -> None:
+def follow(poll: Callable[[], None], fleet: Fleet, write: Callable[[Change, float], None]) -> None:
     """Hand on each change until the process is asked to end.
 
     Args:

@@ -144,7 +144,7 @@ class Network:
 
     def _discover(self, now: float) -> None:
         """Subscribe to the topics of monitors and gates that have come."""
-        topics = {name: kinds for name, kinds in self._node.get_topic_names_and_types()}
+        topics = dict(self._node.get_topic_names_and_types())
         arrays = {name for name, kinds in topics.items() if kinds == [_DIAGNOSTIC_ARRAY]}
         for topic in {name for name in arrays if name.endswith(_VERDICTS)} | self._remapped():
             if topic in self._topics or not self._node.count_publishers(topic):

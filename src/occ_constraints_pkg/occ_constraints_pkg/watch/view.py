@@ -33,17 +33,17 @@ from occ_constraints_pkg.watch.panels import (
     rule_lines,
 )
 
+# Fits 80 columns.
 _KEYS = (
+    ('q', 'quit'),
     ('Tab', 'robot'),
     ('↑↓', 'rule'),
-    ('Space', 'rule on/off'),
-    ('e', 'enable'),
-    ('d', 'disable'),
+    ('Space', 'switch'),
+    ('e/d', 'judge'),
     ('p', 'prune'),
     ('r', 'reset'),
     ('l', 'learn'),
-    ('c', 'clear lost'),
-    ('q', 'quit'),
+    ('c', 'clear'),
 )
 
 
@@ -238,7 +238,7 @@ class WatchApp(App[None]):
         under_way = self._source.calls.under_way
         if under_way:
             return [(f'{"; ".join(under_way)} ...', 'bold')]
-        return [part for key, what in _KEYS for part in ((f' {key}', 'bold'), (f' {what} ', ''))]
+        return [part for key, what in _KEYS for part in ((key, 'bold reverse'), (f' {what} ', ''))]
 
     def _ask(self, question: str, action: Callable[[], None]) -> None:
         self._question = (printable(question), action)

@@ -37,24 +37,29 @@ ARROWS = {
         'rules',
         'worlds',
     },
+    'watch': {'features', 'nodes', 'ros', 'rules'},
+    'doctor': {'ros'},
     'demo': {'agents', 'datasets', 'features', 'learning', 'ros', 'rules', 'worlds'},
     'cli': {
         'agents',
         'checking',
         'datasets',
         'demonstrations',
+        'doctor',
         'features',
         'learning',
         'nodes',
+        'ros',
         'rosbag',
         'rules',
         'suggestion',
         'traffic',
+        'watch',
         'worlds',
     },
 }
 # Only these, and what starts them, know of ROS.
-WITH_ROS = {'ros', 'nodes', 'demo'}
+WITH_ROS = {'ros', 'nodes', 'watch', 'doctor', 'demo'}
 COMMON = {
     'archives',
     'documents',

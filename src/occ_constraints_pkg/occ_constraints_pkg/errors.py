@@ -9,7 +9,7 @@ from occ_constraints_pkg.terminal import printable
 
 # Top-level module -> the extra that installs it. ROS packages have many more names, all of which
 # belong to the extra 'ros'.
-_EXTRAS = {
+EXTRAS = {
     'torch': 'train',
     'mujoco': 'train',
     'gymnasium': 'train',
@@ -110,7 +110,7 @@ def missing_extra(what: str, error: ImportError) -> MissingDependencyError | Non
     """
     missing = (error.name or '').partition('.')[0]
     is_ros = missing.endswith(('_msgs', '_srvs', '_interfaces'))
-    extra = _EXTRAS.get(missing, 'ros' if is_ros else '')
+    extra = EXTRAS.get(missing, 'ros' if is_ros else '')
     if not (extra and isinstance(error, ModuleNotFoundError)):
         return None
     hint = ', or source the ROS 2 setup file' if extra == 'ros' else ''

@@ -9,7 +9,7 @@ import click
 import occ_constraints_pkg
 from occ_constraints_pkg.cli.common import help_without_command
 from occ_constraints_pkg.cli.learning import learn
-from occ_constraints_pkg.cli.nodes import demo, node, watch
+from occ_constraints_pkg.cli.nodes import demo, doctor, node, watch
 from occ_constraints_pkg.cli.recordings import features, import_, info, play, record
 from occ_constraints_pkg.cli.rules import check, diff, export, prune, score, show, simplify
 from occ_constraints_pkg.cli.simulation import drive, evaluate, train
@@ -17,7 +17,7 @@ from occ_constraints_pkg.cli.simulation import drive, evaluate, train
 _GROUPS = {
     'Rules': (learn, show, diff, check, score, prune, simplify, export),
     'Recordings': (info, features, record, play, import_),
-    'Nodes': (node, watch, demo),
+    'Nodes': (node, watch, doctor, demo),
     'Simulation': (train, evaluate, drive),
 }
 

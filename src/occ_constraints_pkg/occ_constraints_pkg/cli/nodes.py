@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""``occ node``, ``occ watch`` and ``occ demo``."""
+"""``occ node``, ``occ watch``, ``occ doctor`` and ``occ demo``."""
 
 from __future__ import annotations
 
@@ -11,7 +11,15 @@ from pathlib import Path
 
 import click
 
-from occ_constraints_pkg.cli.common import Seconds, end_tidily, say, say_lines, warn
+from occ_constraints_pkg.cli.common import (
+    JSON,
+    Seconds,
+    end_tidily,
+    print_json,
+    say,
+    say_lines,
+    warn,
+)
 from occ_constraints_pkg.errors import MissingDependencyError, import_needed
 
 
@@ -60,6 +68,35 @@ def watch(plain: bool, as_json: bool) -> int:
     if as_json:
         return app.run_lines(lambda *item: say_lines(json.dumps(lines.document_of(*item))))
     return app.run_lines(lambda *item: say(lines.line_of(*item)))
+
+
+@click.command()
+@click.option(
+    '--bags',
+    default='.',
+    show_default=True,
+    type=click.Path(file_okay=False),
+    help='Folder that recordings are written to.',
+)
+@JSON
+def doctor(bags: str, as_json: bool) -> int:
+    """Find out why nodes do not run or do not hear each other here.
+
+    Looks at Python, ROS, the domain, clocks and the disk, lets two processes talk, and says what
+    to do. Takes up to ten seconds; exit code 1 if something has to be done.
+
+    \b
+    Example: occ doctor
+    """
+    from occ_constraints_pkg.doctor.examination import document_of, examine, text_of
+
+    findings = examine(Path(bags))
+    document = document_of(findings)
+    if as_json:
+        print_json(document)
+    else:
+        say_lines(text_of(findings))
+    return 0 if document['ok'] else 1
 
 
 @click.command()

@@ -31,10 +31,8 @@ def check_environment() -> None:
     Raises:
         OccError: with these no node can run.
     """
-    _check_domain(os.environ.get('ROS_DOMAIN_ID', ''))
-    check_clock()
-    _check_memory(resource.getrlimit(resource.RLIMIT_AS)[0])
-    _check_middleware(os.environ.get('RMW_IMPLEMENTATION', ''))
+    for check in (check_domain, check_clock, check_memory, check_middleware):
+        check()
 
 
 def check_clock() -> None:
@@ -57,7 +55,13 @@ def check_clock() -> None:
     )
 
 
-def _check_memory(limit: int) -> None:
+def check_memory() -> None:
+    """Do nothing if this process may use enough address space.
+
+    Raises:
+        OccError: with so little the middleware crashes.
+    """
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
     if limit != resource.RLIM_INFINITY and limit < _LEAST_BYTES:
         raise ConfigurationError(
             f'the address space of this process is limited to {limit // 2**20} MiB; a node needs '
@@ -65,7 +69,13 @@ def _check_memory(limit: int) -> None:
         )
 
 
-def _check_domain(text: str) -> None:
+def check_domain() -> None:
+    """Do nothing if ``ROS_DOMAIN_ID`` is a domain.
+
+    Raises:
+        OccError: it is none.
+    """
+    text = os.environ.get('ROS_DOMAIN_ID', '')
     number = text.strip()
     if number and not (number.isdecimal() and int(number) <= _LAST_DOMAIN):
         raise ConfigurationError(
@@ -74,11 +84,15 @@ def _check_domain(text: str) -> None:
         )
 
 
-def _check_middleware(name: str) -> None:
-    """Refuse a middleware that rclpy cannot load: it would end the process with code 102.
+def check_middleware() -> None:
+    """Do nothing if rclpy can load the middleware that ``RMW_IMPLEMENTATION`` names.
 
     Only another process can find out; the default one is not checked, as that takes 0.1 s.
+
+    Raises:
+        OccError: it cannot, and would end the process with code 102.
     """
+    name = os.environ.get('RMW_IMPLEMENTATION', '')
     if name in ('', _DEFAULT_RMW) or find_spec('rclpy') is None:
         return
     without = {key: value for key, value in os.environ.items() if key != 'RMW_IMPLEMENTATION'}

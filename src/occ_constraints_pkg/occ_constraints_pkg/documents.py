@@ -12,11 +12,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jsonschema import Draft202012Validator, ValidationError
-from jsonschema.exceptions import best_match
 from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.events import (
@@ -32,6 +30,9 @@ from ruamel.yaml.scanner import Scanner
 from occ_constraints_pkg import simple_yaml
 from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.files import DOCUMENT_BYTES, read_bytes
+
+if TYPE_CHECKING:
+    from jsonschema import ValidationError
 
 # Three for each split of the deepest tree, plus some.
 _MOST_LEVELS = 350
@@ -119,6 +120,10 @@ def validate(
         ConfigurationError: ``WHERE, line N: key.path: got X; allowed ...`` for the most relevant
             error; an unknown key comes first, because its misspelling explains a missing one.
     """
+    # Imported late: it takes as long as all the rest, and every command would wait for it.
+    from jsonschema import Draft202012Validator
+    from jsonschema.exceptions import best_match
+
     try:
         errors = list(Draft202012Validator(schema).iter_errors(document))
         if not errors:

@@ -8,6 +8,7 @@ import click
 
 import occ_constraints_pkg
 from occ_constraints_pkg.cli.common import help_without_command
+from occ_constraints_pkg.cli.completion import SHELLS, print_script
 from occ_constraints_pkg.cli.learning import learn
 from occ_constraints_pkg.cli.nodes import demo, doctor, node, watch
 from occ_constraints_pkg.cli.recordings import features, import_, info, play, record
@@ -61,6 +62,15 @@ class _GroupedCommands(click.Group):
     context_settings={'help_option_names': ['-h', '--help']},
 )
 @click.version_option(occ_constraints_pkg.__version__)
+@click.option(
+    '--completion',
+    type=click.Choice(SHELLS),
+    metavar='SHELL',
+    is_eager=True,
+    expose_value=False,
+    callback=print_script,
+    help='Print what lets bash, zsh or fish complete, and exit.',
+)
 @click.pass_context
 def cli(context: click.Context) -> None:
     """Learn a robot's safety constraints, monitor them, train within them."""

@@ -23,6 +23,7 @@ from occ_constraints_pkg.cli.common import (
     say_lines,
     warn,
 )
+from occ_constraints_pkg.cli.completion import feature_maps
 from occ_constraints_pkg.cli.tree_options import held_out_seed, tree_options, tree_settings
 from occ_constraints_pkg.errors import import_needed
 from occ_constraints_pkg.files import (
@@ -42,7 +43,13 @@ if TYPE_CHECKING:
 @click.command()
 @DATA
 @DEFINITIONS
-@click.option('-m', '--map', 'map_name', help=f'{FEATURE_MAP_HELP} Recordings need one.')
+@click.option(
+    '-m',
+    '--map',
+    'map_name',
+    shell_complete=feature_maps,
+    help=f'{FEATURE_MAP_HELP} Recordings need one.',
+)
 @click.option(
     '-o',
     '--output',

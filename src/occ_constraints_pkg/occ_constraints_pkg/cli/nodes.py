@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import json
 import os
-from importlib import import_module
+import sys
 from pathlib import Path
 
 import click
@@ -14,17 +14,19 @@ import click
 from occ_constraints_pkg.cli.common import (
     JSON,
     Seconds,
+    discard,
     end_tidily,
     print_json,
-    say,
     say_lines,
     warn,
 )
+from occ_constraints_pkg.cli.completion import node_names
 from occ_constraints_pkg.errors import MissingDependencyError, import_needed
+from occ_constraints_pkg.stopping import stop_request
 
 
 @click.command(context_settings={'ignore_unknown_options': True, 'allow_interspersed_args': False})
-@click.argument('name')
+@click.argument('name', shell_complete=node_names)
 @click.argument('arguments', nargs=-1, type=click.UNPROCESSED)
 def node(name: str, arguments: tuple[str, ...]) -> int:
     """Run a ROS 2 node, or describe it: node NAME --help.
@@ -56,18 +58,27 @@ def watch(plain: bool, as_json: bool) -> int:
              occ watch --json > changes.jsonl
     """
     from occ_constraints_pkg.ros.environment import check_environment
+    from occ_constraints_pkg.watch.lines import document_of, is_plain, line_of
 
     check_environment()
     app = import_needed('occ watch', 'occ_constraints_pkg.watch.app')
-    lines = import_module('occ_constraints_pkg.watch.lines')
-    if not (plain or as_json or lines.is_plain(os.environ)):
+    if not (plain or as_json or is_plain(os.environ)):
         try:
             return app.run_screen()
         except MissingDependencyError as error:
             warn(f'{error}; here each change is a line')
     if as_json:
-        return app.run_lines(lambda *item: say_lines(json.dumps(lines.document_of(*item))))
-    return app.run_lines(lambda *item: say(lines.line_of(*item)))
+        return app.run_lines(lambda *item: _say_next(json.dumps(document_of(*item))))
+    return app.run_lines(lambda *item: _say_next(line_of(*item)))
+
+
+def _say_next(line: str) -> None:
+    """Print one more line; when the reader has gone, as in ``| head``, there are no more."""
+    try:
+        click.echo(line)
+    except BrokenPipeError:
+        discard(sys.stdout)
+        stop_request.made = True
 
 
 @click.command()

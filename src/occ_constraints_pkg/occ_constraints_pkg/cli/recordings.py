@@ -27,6 +27,7 @@ from occ_constraints_pkg.cli.common import (
     say_lines,
     warn,
 )
+from occ_constraints_pkg.cli.completion import feature_maps
 from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.files import FEATURE_MAP, write_text
 from occ_constraints_pkg.traffic.formats import FORMATS
@@ -149,7 +150,7 @@ def _refuse_existing(paths: Sequence[str | None]) -> None:
 
 @features.command('check')
 @click.argument('bag', type=click.Path())
-@click.argument('map_name', metavar='MAP')
+@click.argument('map_name', metavar='MAP', shell_complete=feature_maps)
 @DEFINITIONS
 @JSON
 def check_map(bag: str, map_name: str, as_json: bool) -> int:

@@ -26,6 +26,7 @@ from occ_constraints_pkg.cli.common import (
     say_lines,
     warn,
 )
+from occ_constraints_pkg.cli.completion import rule_ids
 from occ_constraints_pkg.errors import ConfigurationError, import_needed
 from occ_constraints_pkg.features.lateness import MAX_LAG_SECONDS
 from occ_constraints_pkg.files import C_HEADER, CONSTRAINTS, PICTURE, check_outputs, write_text
@@ -48,7 +49,9 @@ _OUTPUT = click.option(
 
 @click.command()
 @_FILE
-@click.option('--why', metavar='RULE', help='Show the evidence for this rule.')
+@click.option(
+    '--why', metavar='RULE', shell_complete=rule_ids, help='Show the evidence for this rule.'
+)
 @click.option('--traffic', is_flag=True, help='Explain rules for cars in terms of traffic.')
 @click.option('--plot', type=click.Path(), help='Draw the rules to this PNG file, too.')
 @click.option(

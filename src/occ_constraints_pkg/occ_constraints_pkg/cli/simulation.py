@@ -22,6 +22,7 @@ from occ_constraints_pkg.cli.common import (
     say,
     seed_option,
 )
+from occ_constraints_pkg.cli.completion import world_names
 from occ_constraints_pkg.errors import ConfigurationError, import_needed
 from occ_constraints_pkg.files import check_outputs
 from occ_constraints_pkg.stopping import parent_is_gone, stop_request
@@ -51,7 +52,7 @@ def _learner(_context: Any, _parameter: Any, texts: tuple[str, ...]) -> dict[str
 
 
 @click.command()
-@click.argument('world')
+@click.argument('world', shell_complete=world_names)
 @click.option(
     '-o',
     '--output',
@@ -228,7 +229,11 @@ def _interval(numbers: dict[str, Any], name: str) -> str:
 
 @click.command()
 @click.argument('policies', metavar='POLICY|DRIVER...', nargs=-1, required=True, type=click.Path())
-@click.option('--world', help='Default: the one the policy was trained on; a driver needs one.')
+@click.option(
+    '--world',
+    shell_complete=world_names,
+    help='Default: the one the policy was trained on; a driver needs one.',
+)
 @click.option('--episodes', default=50, type=AT_LEAST_1, show_default=True)
 @seed_option(default=1)
 @click.option('--explore', is_flag=True, help='Sample actions instead of taking the mean.')
@@ -312,7 +317,7 @@ def _world_of(policy: str) -> str:
 
 
 @click.command()
-@click.argument('world')
+@click.argument('world', shell_complete=world_names)
 @click.option('--driver', default='expert', show_default=True, help='A driver or a policy file.')
 @click.option(
     '-o',

@@ -182,6 +182,8 @@ def test_the_screen_survives_restarts_and_sizes_and_is_left_clean(nodes, robots,
         return is_there
 
     robots(shown(b'SAFE'), a=SAFE)
+    # The values that the rules are about, heard as they were judged.
+    robots(shown(b'y 0.5'), a=SAFE)
     robots(shown(b'R0: y above 0.95'), a=BROKEN)
     monitor.send_signal(signal.SIGKILL)
     terminal.output = b''

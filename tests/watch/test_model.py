@@ -164,7 +164,7 @@ def test_rules_are_listed_by_closeness_as_the_monitor_judges(robot, report, rule
     order, margins = robot.closeness(100.0)
     assert np.isnan(margins).all()
     robot.hear(report(0.1), 100.0)
-    robot.hear_features(np.array([[0.9, 1.0]]), rule_set.fingerprint)
+    robot.hear_features(np.array([[0.9, 1.0]]), rule_set.fingerprint, 100.0)
     order, margins = robot.closeness(100.0)
     np.testing.assert_array_equal(margins, rule_set.rule_margins(np.array([0.9, 1.0])))
     robot.hear_counts(np.array([[0, 0], [9, 2], [7, 1]]))
@@ -184,13 +184,13 @@ def test_rules_are_listed_by_closeness_as_the_monitor_judges(robot, report, rule
 )
 def test_features_of_other_rules_are_left_out(robot, report, rule_set, rows, is_known):
     robot.hear(report(0.1), 100.0)
-    robot.hear_features(np.array(rows), rule_set.fingerprint if is_known else 'another')
+    robot.hear_features(np.array(rows), rule_set.fingerprint if is_known else 'another', 100.0)
     assert robot.sample is None
 
 
 def test_values_that_are_not_finite_can_be_listed(robot, report, rule_set):
     robot.hear(report(reason='speed is missing'), 100.0)
-    robot.hear_features(np.array([[np.nan, 1.0]]), rule_set.fingerprint)
+    robot.hear_features(np.array([[np.nan, 1.0]]), rule_set.fingerprint, 100.0)
     order, margins = robot.closeness(100.0)
     assert [robot.rule_row(index, margins, 100.0).values for index in order]
 

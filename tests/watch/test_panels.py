@@ -26,7 +26,7 @@ def text(lines):
 def known(fleet, robot, report, rule_set):
     """Return a robot with a verdict, features and a gate."""
     robot.hear(report(0.1), 100.0)
-    robot.hear_features(np.array([[0.9, 1.0]]), rule_set.fingerprint)
+    robot.hear_features(np.array([[0.9, 1.0]]), rule_set.fingerprint, 100.0)
     gate = GateReport('STOP', 0.0, 'VIOLATED: FAST', topics=(robot.topic,))
     fleet.hear_gate('/robot1/gate', gate, 100.0)
     fleet.tick(100.0)
@@ -73,7 +73,7 @@ def test_of_many_rules_those_are_shown_that_matter_and_the_chosen_one(fleet, rep
     robot = fleet.robot('/violation', 100.0)
     robot.hear_rules(rules_in_force_text(rule_set), 100.0)
     robot.hear(report(1.0), 100.0)
-    robot.hear_features(np.array([[0.0]]), '')
+    robot.hear_features(np.array([[0.0]]), '', 100.0)
     lines = text(rule_lines(robot, '', 80, 10, 100.0))
     assert len(lines) == 10
     assert '(191 more)' in lines[0]

@@ -36,7 +36,7 @@ class Source:
         now = time.monotonic()
         for robot in self.fleet.robots.values():
             robot.hear(self.report(0.1), now)
-            robot.hear_features(np.array([[0.9, 1.0]]), self.rule_set.fingerprint)
+            robot.hear_features(np.array([[0.9, 1.0]]), self.rule_set.fingerprint, now)
         self.fleet.tick(now)
 
     def learners(self, _robot):

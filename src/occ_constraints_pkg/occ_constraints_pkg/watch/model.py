@@ -211,6 +211,8 @@ class Robot:
         self.report: Report | None = None
         self.heard = self._found = now
         self.sample: np.ndarray | None = None
+        # When it came, and the fingerprint of the rules that judged it.
+        self._sampled, self._sampled_by = -math.inf, ''
         self.idle, self._idle_at = '', -math.inf
         self.problem, self.is_recorded = '', False
         self._counts: np.ndarray | None = None
@@ -295,18 +297,20 @@ class Robot:
             words = f'{count_of(len(rule_set.order), "rule")}{of} in force'
             self._add(now, 'rules', f'{words}, rule set {rule_set.fingerprint}')
 
-    def hear_features(self, rows: np.ndarray, rule_set: str) -> None:
+    def hear_features(self, rows: np.ndarray, rule_set: str, when: float) -> None:
         """Take the features of one input.
 
         Args:
             rows: (robots, k) what was judged.
             rule_set: fingerprint of the rules that judged.
+            when: they came.
         """
         rules, robot = self._rule_sets.get(rule_set), self.report.robot if self.report else 0
         fits = rules is not None and rows.ndim == 2 and rows.shape[1] == len(rules.space)
         # Monitors with a common topic may judge by other rules.
         if fits and robot < len(rows) and (not self.report or rule_set == self.report.rule_set):
             self.sample = np.array(rows[robot], dtype=np.float64)
+            self._sampled, self._sampled_by = when, rule_set
 
     def hear_counts(self, counts: np.ndarray) -> None:
         """Take the counters: (rules, 2), evaluated and violated."""
@@ -422,10 +426,8 @@ class Robot:
 
     def _current_sample(self, now: float) -> np.ndarray | None:
         """Return the features, unless they say nothing of now."""
-        rule_set, sample = self.rule_set, self.sample
-        if sample is None or rule_set is None or len(sample) != len(rule_set.space):
-            return None
-        return None if self.standing(now) is Standing.LOST else sample
+        is_of_these = self.rule_set is not None and self._sampled_by == self.rule_set.fingerprint
+        return self.sample if is_of_these and now - self._sampled <= LOST_SECONDS else None
 
     def _add(self, time: float, kind: str, text: str) -> None:
         self.changes.append(Change(time, self.name, kind, text))
@@ -500,7 +502,7 @@ class Fleet:
 
     def changes(self) -> Iterator[Change]:
         """Return the newest changes, newest first."""
-        return reversed(self._changes)
+        return iter(sorted(self._changes, key=lambda change: change.time, reverse=True))
 
 
 def robot_name(topic: str) -> str:

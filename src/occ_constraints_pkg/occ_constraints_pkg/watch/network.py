@@ -29,7 +29,7 @@ from std_msgs.msg import String
 
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.features.serialized_tables import TableReader
-from occ_constraints_pkg.ros.node import without_source_lines
+from occ_constraints_pkg.ros.node import refusal_of
 from occ_constraints_pkg.ros.qos import LATCHED, VERDICTS, no_events
 from occ_constraints_pkg.ros.rclpy_internals import RCLError, take
 from occ_constraints_pkg.watch.calls import Calls
@@ -40,7 +40,8 @@ _DISCOVERY_SECONDS = 1.0
 _DIAGNOSTIC_ARRAY = 'diagnostic_msgs/msg/DiagnosticArray'
 # Topics of one monitor are found by the end of their names, whatever they are remapped to.
 _VERDICTS, _GATE = '/violation', '/state'
-_PARTS = ('rules', 'features', 'rule_stats')
+_TABLE = 'sensor_msgs/msg/PointCloud2'
+_PARTS = {'rules': 'std_msgs/msg/String', 'features': _TABLE, 'rule_stats': _TABLE}
 # What a node offers that judges: its verdicts are found under any name.
 _MONITOR_SERVICES = ('/prune', '/reset_stats', '/enable')
 # Only the newest message counts, and none is sent again for us.
@@ -63,7 +64,7 @@ class _Topics:
     violation: Subscription
     parts: dict[str, Subscription] = field(default_factory=dict)
     readers: dict[str, TableReader] = field(
-        default_factory=lambda: {part: TableReader(_decode_table) for part in _PARTS[1:]}
+        default_factory=lambda: {part: TableReader(_decode_table) for part in _PARTS}
     )
 
 
@@ -75,16 +76,23 @@ class Network:
 
     Args:
         fleet: gets what is heard.
-        context: a ROS context that is initialised; by default a new one.
+
+    Raises:
+        OccError: ROS refuses to start.
     """
 
-    def __init__(self, fleet: Fleet, context: Context | None = None) -> None:
+    def __init__(self, fleet: Fleet) -> None:
         self._fleet = fleet
-        self._owns_context = context is None
-        if context is None:
-            context = Context()
-            rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
-        self._context = context
+        self._context = Context()
+        try:
+            self._join()
+        except RCLError as error:
+            self._context.try_shutdown()
+            raise refusal_of(error) from error
+
+    def _join(self) -> None:
+        context = self._context
+        rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
         # Not spun, so that no executor takes a message. By its name, tools do not list it.
         self._node = Node(
             f'_occ_watch_{time.time_ns() % 10**9}',
@@ -97,17 +105,26 @@ class Network:
         self._gates: dict[str, Subscription] = {}
         self._diagnostics = self._subscribe(DiagnosticArray, '/diagnostics', _DIAGNOSTICS)
         self._discover_at, self._polled = 0.0, time.monotonic()
-        self.calls = Calls(context, fleet)
+        self.calls = Calls(context, self._fleet)
 
     def close(self) -> None:
         """Leave the ROS domain."""
         self.calls.close()
         self._node.destroy_node()
-        if self._owns_context:
-            rclpy.shutdown(context=self._context)
+        self._context.try_shutdown()
 
     def poll(self) -> None:
-        """Look at all topics once, and bring the model up to date."""
+        """Look at all topics once, and bring the model up to date.
+
+        Raises:
+            OccError: ROS refuses.
+        """
+        try:
+            self._poll()
+        except RCLError as error:
+            raise refusal_of(error) from error
+
+    def _poll(self) -> None:
         now = time.monotonic()
         # After a pause of this process all that waited is old, however recently it was received.
         latest = self._polled if now - self._polled > LOST_SECONDS else math.inf
@@ -194,9 +211,9 @@ class Network:
             robot.monitor = name
         elif len(topics.parts) == len(_PARTS):
             return
-        for topic, _ in self._published_by(name):
+        for topic, kinds in self._published_by(name):
             part = topic.rpartition('/')[2]
-            if part not in _PARTS:
+            if kinds != [_PARTS.get(part)]:
                 continue
             before = topics.parts.get(part)
             if before is not None:
@@ -218,10 +235,10 @@ class Network:
                     if text is not None:
                         robot.hear_rules(text, when)
                 else:
-                    self._hear_table(robot, part, topics.readers[part], data)
+                    self._hear_table(robot, part, topics.readers[part], data, when)
 
     @staticmethod
-    def _hear_table(robot: Robot, part: str, reader: TableReader, data: bytes) -> None:
+    def _hear_table(robot: Robot, part: str, reader: TableReader, data: bytes, when: float) -> None:
         try:
             message = reader.read(data)
             table = message.table
@@ -230,7 +247,7 @@ class Network:
             robot.problem = f'a message on {part} cannot be read: {error}'
             return
         if part == 'features':
-            robot.hear_features(table.values, message.frame_id)
+            robot.hear_features(table.values, message.frame_id, when)
         elif set(table.names) >= {'evaluated', 'violated'}:
             columns = [table.column(name) for name in ('evaluated', 'violated')]
             robot.hear_counts(np.stack(columns, axis=1))
@@ -263,11 +280,7 @@ def _messages(subscription: Subscription, latest: float) -> Iterator[tuple[bytes
     """
     # More may come all the time.
     for _ in range(subscription.qos_profile.depth):
-        try:
-            taken = take(subscription)
-        except RCLError as error:
-            # A message that the middleware itself cannot take is as good as none.
-            raise OccError(f'{subscription.topic_name}: {without_source_lines(error)}') from error
+        taken = take(subscription)
         if taken is None:
             return
         data, info = taken

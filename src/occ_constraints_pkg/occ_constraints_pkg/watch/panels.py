@@ -189,7 +189,7 @@ def _remark(robot: Robot, now: float) -> str:
         remarks.append(why)
     elif robot.report is not None and robot.report.next_rule:
         report = robot.report
-        remarks.append(f'next {report.next_rule} in {report.seconds:.1f} s if it goes on so')
+        remarks.append(f'next {report.next_rule} in {report.seconds:.1f} s (estimate)')
     return '; '.join(remarks)
 
 

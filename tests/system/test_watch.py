@@ -137,6 +137,25 @@ def test_gates_and_reasons_are_told_to_machines(nodes, robots, lines, rules):
     assert process.wait(10) == 0
 
 
+def test_it_ends_when_nobody_reads_on(nodes, robots, rules):
+    nodes.start('monitor', namespace='/a', constraints_file=rules)
+    process = subprocess.Popen(
+        WATCH,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        env=environment(nodes.domain),
+    )
+    process.stdout.readline()
+    process.stdout.close()
+    places = iter([SAFE, BROKEN] * 1000)
+    while process.poll() is None:
+        place, end = next(places), time.monotonic() + 1.0
+        robots(lambda end=end: time.monotonic() > end or process.poll() is not None, a=place)
+    assert (process.returncode, process.stderr.read()) == (0, b'')
+    process.stderr.close()
+
+
 def test_a_monitor_without_rules_is_unknown_for_that_reason(nodes, observer, lines):
     nodes.start('monitor', namespace='/a')
     _, text = lines()

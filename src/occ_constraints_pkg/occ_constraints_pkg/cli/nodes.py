@@ -99,14 +99,18 @@ def doctor(bags: str, as_json: bool) -> int:
     \b
     Example: occ doctor
     """
-    from occ_constraints_pkg.doctor.examination import document_of, examine, text_of
+    from occ_constraints_pkg.doctor.examination import document_of, examine, summary_of, text_of
 
-    findings = examine(Path(bags))
+    findings = []
+    for finding in examine(Path(bags)):
+        findings.append(finding)
+        if not as_json:
+            say_lines(text_of(finding))
     document = document_of(findings)
     if as_json:
         print_json(document)
     else:
-        say_lines(text_of(findings))
+        say_lines(summary_of(findings))
     return 0 if document['ok'] else 1
 
 

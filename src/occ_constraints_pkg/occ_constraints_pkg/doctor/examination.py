@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
@@ -16,10 +17,11 @@ from occ_constraints_pkg.terminal import printable
 
 # All but the processes at the end takes less than a second.
 _SECONDS = 9.0
+_NAME_WIDTH = len('simulated time')
 
 
-def examine(bags: Path) -> list[Finding]:
-    """Look at all that nodes need.
+def examine(bags: Path) -> Iterator[Finding]:
+    """Look at all that nodes need; what is found is yielded at once, the slow things last.
 
     Args:
         bags: folder that recordings are to be written to.
@@ -38,13 +40,17 @@ def examine(bags: Path) -> list[Finding]:
         'logs': local.logs,
         'middleware': _middleware,
     }
-    findings = [examined(name, check) for name, check in checks.items()]
-    found = {item.name: item.level for item in findings}
+    found = {}
+    for name, check in checks.items():
+        finding = examined(name, check)
+        found[name] = finding.level
+        yield finding
     needed = ('ROS packages', 'domain', 'memory', 'logs', 'middleware', 'clock')
     if PROBLEM in (found[name] for name in needed):
         text = 'not tried, for what stands above would let it fail'
-        return [*findings, Finding('discovery', NOTE, text, 'solve that first')]
-    return [*findings, *examine_network(end)]
+        yield Finding('discovery', NOTE, text, 'solve that first')
+    else:
+        yield from examine_network(end)
 
 
 def _middleware() -> Finding:
@@ -52,19 +58,20 @@ def _middleware() -> Finding:
     return Finding('middleware', OK, 'RMW_IMPLEMENTATION names nothing that is missing')
 
 
-def text_of(findings: list[Finding]) -> str:
-    """Return a line for each finding, and under it what to do."""
-    width = max(len(item.name) for item in findings)
-    lines = []
-    for item in findings:
-        lines.append(f'{item.level:8} {item.name:{width}}  {printable(item.text)}')
-        if item.advice:
-            lines.append(f'{"":8} {"":{width}}  -> {printable(item.advice)}')
-    problems = sum(item.level == PROBLEM for item in findings)
-    lines.append(
-        'nodes can run here' if not problems else f'{problems} of {len(findings)} need mending'
-    )
+def text_of(finding: Finding) -> str:
+    """Return a line for one finding, and under it what to do."""
+    lines = [f'{finding.level:8} {finding.name:{_NAME_WIDTH}}  {printable(finding.text)}']
+    if finding.advice:
+        lines.append(f'{"":8} {"":{_NAME_WIDTH}}  -> {printable(finding.advice)}')
     return '\n'.join(lines)
+
+
+def summary_of(findings: list[Finding]) -> str:
+    """Return the last line."""
+    problems = sum(item.level == PROBLEM for item in findings)
+    if not problems:
+        return 'nodes can run here'
+    return f'{problems} of {len(findings)} need mending'
 
 
 def document_of(findings: list[Finding]) -> dict[str, object]:

@@ -19,6 +19,8 @@ _LAST_DOMAIN = 232
 # What comes with every rclpy, from PyPI and from apt.
 _DEFAULT_RMW = 'rmw_fastrtps_cpp'
 _PROBE = 'import rclpy.impl.implementation_singleton'
+# Many times what loading takes.
+_LOAD_SECONDS = 4.0
 # Seconds of a stamp are 32 bits with a sign, in messages and in DDS.
 _END_OF_TIME = 2**31
 # With less address space the middleware's threads cannot start, which crashes the process.
@@ -108,7 +110,14 @@ def check_middleware() -> None:
 
 
 def _can_load(environment: dict[str, str]) -> bool:
-    done = subprocess.run(
-        [sys.executable, '-c', _PROBE], env=environment, capture_output=True, check=False
-    )
+    try:
+        done = subprocess.run(
+            [sys.executable, '-c', _PROBE],
+            env=environment,
+            capture_output=True,
+            check=False,
+            timeout=_LOAD_SECONDS,
+        )
+    except subprocess.TimeoutExpired:
+        return False
     return done.returncode == 0

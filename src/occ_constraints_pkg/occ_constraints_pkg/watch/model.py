@@ -14,6 +14,7 @@ from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from enum import IntEnum
+from functools import lru_cache
 
 import numpy as np
 
@@ -282,7 +283,7 @@ class Robot:
     def hear_rules(self, text: str, now: float) -> None:
         """Take a message on ``rules``."""
         try:
-            rule_set = read_rules_in_force(text, 'topic rules')
+            rule_set = _read_rules(text)
         except OccError as error:
             self.problem = str(error)
             return
@@ -513,6 +514,12 @@ def robot_name(topic: str) -> str:
         ('/robot1', '/', '/r/alarms')
     """
     return (topic.removesuffix('/violation') or '/') if topic.endswith('/violation') else topic
+
+
+@lru_cache(maxsize=4)
+def _read_rules(text: str) -> RuleSet:
+    # The robots of a fleet mostly have the same ones, and to read thousands takes a while.
+    return read_rules_in_force(text, 'topic rules')
 
 
 def _gate_kind(report: GateReport) -> str:

@@ -35,24 +35,36 @@ def known(fleet, robot, report, rule_set):
 
 def test_a_robot_has_its_verdict_in_words(fleet, known, report):
     fleet.robot('/robot2/violation', 100.0)
-    lines = text(robot_lines(fleet, known.topic, 100, 100.0))
+    lines = text(robot_lines(fleet, known.topic, 100, 9, 100.0))
     assert lines[0].startswith('> /robot1 SAFE       0.100 ')
     assert 'gate STOP' in lines[0]
     assert '█' in lines[0]
     assert lines[1].startswith('  /robot2 UNKNOWN')
-    late = text(robot_lines(fleet, known.topic, 100, 200.0))
+    late = text(robot_lines(fleet, known.topic, 100, 9, 200.0))
     assert all(' LOST ' in line and 'SAFE' not in line for line in late)
     known.hear(report(-0.2, 'FAST'), 200.0)
-    lines = text(robot_lines(fleet, known.topic, 100, 200.0))
+    lines = text(robot_lines(fleet, known.topic, 100, 9, 200.0))
     assert '/robot1 VIOLATED  -0.200' in lines[0]
     assert 'x ' in lines[0]
     assert lines[0].rstrip().endswith('FAST: FAST is true')
 
 
+def test_of_many_robots_the_chosen_one_is_shown_and_the_others_are_counted(fleet, known, report):
+    for number in range(10, 30):
+        fleet.robot(f'/robot{number}/violation', 100.0)
+    fleet.robots['/robot10/violation'].hear(report(-1.0, 'FAST'), 100.0)
+    lines = text(robot_lines(fleet, '/robot25/violation', 80, 6, 100.0))
+    assert len(lines) == 6
+    assert any(line.startswith('> /robot25') for line in lines)
+    assert lines[-1] == '  16 more: 14 UNKNOWN 1 VIOLATED 1 SAFE'
+    assert text(robot_lines(fleet, '', 80, 6, 100.0))[0].startswith('  /robot1 ')
+    assert len(robot_lines(fleet, '', 80, 21, 100.0)) == 21
+
+
 def test_what_is_odd_is_said(fleet, known, report):
     known.publishers = 2
     known.hear(report(0.1, judged_at_ns=10**18), 100.0, 2 * 10**18)
-    (line,) = text(robot_lines(fleet, known.topic, 160, 100.0))
+    (line,) = text(robot_lines(fleet, known.topic, 160, 9, 100.0))
     assert line.endswith('2 publishers of verdicts; played back, not live')
     known.problem = 'topic rules: what is wrong'
     assert 'topic rules: what is wrong' in text(detail_lines(known, fleet, 100, 100.0))
@@ -90,12 +102,13 @@ def test_every_line_fits(fleet, known, report, width, height):
     fleet.note(100.0, 'x' * 50, 'failed', 'y' * 500)
     fleet.tick(100.2)
     panels = (
-        robot_lines(fleet, known.topic, width, 100.2),
+        robot_lines(fleet, known.topic, width, height, 100.2),
         detail_lines(known, fleet, width, 100.2),
         rule_lines(known, 'FAST', width, height, 100.2),
         change_lines(fleet, width, height, 100.2),
     )
     assert all(len(line) <= width for panel in panels for line in text(panel))
+    assert len(panels[0]) <= height
     assert len(panels[3]) <= height
 
 
@@ -116,5 +129,5 @@ def test_a_line_is_cut_or_filled():
 def test_margins_of_any_size_are_drawn(fleet, known, report):
     for number, margin in enumerate((math.inf, 1e300, 1e-300, 0.0, -math.inf, math.nan)):
         known.hear(report(margin), 100.0 + number)
-    (line,) = text(robot_lines(fleet, '', 100, 105.0))
+    (line,) = text(robot_lines(fleet, '', 100, 9, 105.0))
     assert '█' in line

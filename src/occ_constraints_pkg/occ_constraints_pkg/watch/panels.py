@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections import Counter
 from collections.abc import Sequence
 
 from occ_constraints_pkg.terminal import printable
@@ -34,20 +35,25 @@ _SPARK_WIDTH = 24
 _LEGEND = 'x violated, ? unknown'
 
 
-def robot_lines(fleet: Fleet, chosen: str, width: int, now: float) -> list[Line]:
+def robot_lines(fleet: Fleet, chosen: str, width: int, height: int, now: float) -> list[Line]:
     """Return a line for each robot: standing, margin now and over time, gate, and why.
+
+    Where not all fit, the chosen one is among those shown, and the last line counts the others.
 
     Args:
         fleet: the robots.
         chosen: topic of the one that is marked.
         width: characters in a line.
+        height: lines.
         now: the time.
     """
     longest = max((len(robot.name) for robot in fleet.robots.values()), default=0)
     name_width = min(max(longest, 5), max(12, width // 4))
     spark = _SPARK_WIDTH if width >= 90 else 12 if width >= 60 else 0
     lines = []
-    for topic, robot in fleet.robots.items():
+    shown = _around(list(fleet.robots), chosen, height)
+    for topic in shown:
+        robot = fleet.robots[topic]
         standing = robot.standing(now)
         margin = f'{robot.report.margin:7.3f}' if standing < Standing.UNKNOWN else '      -'
         gates = fleet.gates_of(robot)
@@ -64,7 +70,14 @@ def robot_lines(fleet: Fleet, chosen: str, width: int, now: float) -> list[Line]
             line.append((f'gate {gate}  ', _STYLES.get(gate.partition(' ')[0], 'bold yellow')))
         line.append((_remark(robot, now), ''))
         lines.append(cut(line, width))
-    return lines
+    hidden = [robot for topic, robot in fleet.robots.items() if topic not in shown]
+    if hidden:
+        counts = Counter(robot.standing(now) for robot in hidden)
+        line = [(f'  {len(hidden)} more:', 'dim')]
+        for standing in sorted(counts, reverse=True):
+            line.append((f' {counts[standing]} {standing.name}', _STYLES[standing.name]))
+        lines.append(cut(line, width))
+    return lines[: max(height, 0)]
 
 
 def detail_lines(robot: Robot, fleet: Fleet, width: int, now: float) -> list[Line]:
@@ -159,6 +172,16 @@ def cut(line: Line, width: int, *, fill: bool = False) -> Line:
 def shortened(text: str, width: int) -> str:
     """Return text with at most ``width`` characters; an ellipsis shows that there was more."""
     return text if len(text) <= width else f'{text[: width - 1]}…' if width > 0 else ''
+
+
+def _around(items: list[str], chosen: str, height: int) -> list[str]:
+    """Return the items that fit, the chosen one among them, with a line left for the others."""
+    if len(items) <= height:
+        return items
+    room = max(height - 1, 0)
+    place = items.index(chosen) if chosen in items else 0
+    first = max(0, min(place - room + 1, len(items) - room))
+    return items[first : first + room]
 
 
 def _rule_line(row: RuleRow, is_chosen: bool, id_width: int, value_width: int) -> Line:

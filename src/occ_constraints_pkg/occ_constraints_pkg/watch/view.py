@@ -224,7 +224,8 @@ class WatchApp(App[None]):
         else:
             # As many lines as there are robots, up to the largest height of the panel.
             robots.styles.height = len(self._fleet.robots) + 2
-            robots.show(robot_lines(self._fleet, self._topic, width, now))
+            height = robots.size.height
+            robots.show(robot_lines(self._fleet, self._topic, width, height, now))
             rules.border_title = f'rules of {printable(robot.name)}'
             details = detail_lines(robot, self._fleet, width, now)
             room = rules.size.height - len(details)
@@ -234,7 +235,8 @@ class WatchApp(App[None]):
 
     def _bar(self) -> Line:
         if self._question is not None:
-            return [(f'{self._question[0]} (y/n) ', 'bold reverse')]
+            # First of all, for a long question is cut off.
+            return [(f'(y/n) {self._question[0]}', 'bold reverse')]
         under_way = self._source.calls.under_way
         if under_way:
             return [(f'{"; ".join(under_way)} ...', 'bold')]
@@ -285,9 +287,9 @@ class WatchApp(App[None]):
             if monitor:
                 self._note('failed', 'no rule is chosen; allowed are the arrows up and down')
             return
-        word, topic = ('disable', 'enable')[not rule.enabled], robot.rule_set.space
+        word, space = ('disable', 'enable')[not rule.enabled], robot.rule_set.space
         self._ask(
-            f'{monitor}: {word} {rule.id}, {rule.words(topic)}?',
+            f'{monitor}: {word} {rule.id}, {rule.words(space)}?',
             lambda: self._source.calls.enable_rule(monitor, rule.id, not rule.enabled),
         )
 

@@ -58,7 +58,7 @@ def jobs(scale: Scale) -> list[Job]:
     """Return the runs, the first seeds first."""
     return [
         driver_job(scale, scenarios, agent, seed)
-        for seed in range(scale.small_seeds)
+        for seed in range(scale.highway_seeds)
         for scenarios in scale.sets
         for agent in AGENTS
     ]

@@ -33,6 +33,7 @@ class Scale:
         diagonal_seeds: trainings under rules that were learned in the same task.
         other_seeds: trainings under rules of another task.
         small_seeds: trainings of the smaller experiments.
+        highway_seeds: trainings of each driver on each set.
         depths: of the trees under which CarPush1 is trained.
         sets: of highway scenarios.
     """
@@ -51,6 +52,7 @@ class Scale:
     diagonal_seeds: int = 5
     other_seeds: int = 3
     small_seeds: int = 3
+    highway_seeds: int = 5
     depths: tuple[int, ...] = (1, 3, 5, 10)
     sets: tuple[str, ...] = ('restricted', 'full')
 
@@ -76,6 +78,7 @@ QUICK = Scale(
     diagonal_seeds=1,
     other_seeds=1,
     small_seeds=1,
+    highway_seeds=1,
     depths=(2,),
     sets=('restricted',),
 )

@@ -31,7 +31,7 @@ SERIES = ('#0072b2', '#e69f00', '#009e73', '#cc79a7', '#56b4e9', '#555555')
 # Markers in the same order, for those who do not see the colours.
 MARKERS = ('o', 's', '^', 'D', 'v', 'P')
 # At most as wide as documents show a picture, so that its text keeps its size there.
-WIDTH, DOTS_PER_INCH = 8.0, 110
+FIGURE_WIDTH, DOTS_PER_INCH = 8.0, 110
 
 
 def save_figure(figure: Figure, path: Path) -> None:

@@ -19,12 +19,12 @@ from matplotlib.ticker import MaxNLocator
 
 from occ_constraints_pkg.checking.timeline import Interval, Timeline
 from occ_constraints_pkg.picture_style import (
+    FIGURE_WIDTH,
     NEUTRAL,
     SAFE,
     SAFE_AREA,
     UNKNOWN_AREA,
     VIOLATED,
-    WIDTH,
     legend_below,
     save_figure,
 )
@@ -93,7 +93,7 @@ def timeline_figure(timeline: Timeline, rule_set: RuleSet, rules_name: str) -> F
     parts = [sum(heights) + 1.75, *([below + 1.1] if worst else [])]
     # Names of features are no formulas, whatever signs are in them.
     with plt.rc_context({'text.parse_math': False}):
-        figure = plt.figure(figsize=(WIDTH, sum(parts)), layout='constrained')
+        figure = plt.figure(figsize=(FIGURE_WIDTH, sum(parts)), layout='constrained')
         areas = figure.subfigures(len(parts), 1, height_ratios=parts, squeeze=False)[:, 0]
         figure.suptitle(_title(timeline, rules_name), fontsize=11)
         band, margin, rows = areas[0].subplots(3, 1, height_ratios=heights, sharex=True)
@@ -165,7 +165,8 @@ class _Axis:
         shifts = np.empty(len(episodes))
         shifts[order] = offsets - begins
         self.rows = timeline.starts + shifts[place.reshape(-1)]
-        self.end = float(lengths.sum())
+        # A single row lasts no time, but an axis has a length.
+        self.end = float(lengths.sum()) or 1.0
         self.marks: list[tuple[float, str]] = []
         if len(data.sources) > 1 and data.recordings is not None:
             names, where = np.unique(data.recordings[first[order]], return_index=True)
@@ -208,9 +209,7 @@ class _Axis:
         return places, labels
 
 
-def _spans(
-    starts: np.ndarray, lengths: np.ndarray, gap: float = 1e-9
-) -> list[tuple[float, float]]:
+def _spans(starts: np.ndarray, lengths: np.ndarray, gap: float = 1e-9) -> list[tuple[float, float]]:
     """Return start and length of each stretch that intervals in ascending order cover."""
     if not len(starts):
         return []
@@ -402,7 +401,9 @@ def _panel_title(timeline: Timeline, rule: Rule, rule_set: RuleSet, item: Interv
         lines = [lines[0], lines[1][: _LETTERS_OF_PANEL - 1] + '…']
     if len(timeline.data.sources) > 1:
         name = printable(timeline.data.sources[item.source]['name'])
-        lines.append(name if len(name) <= _LETTERS_OF_PANEL else '…' + name[1 - _LETTERS_OF_PANEL :])
+        lines.append(
+            name if len(name) <= _LETTERS_OF_PANEL else '…' + name[1 - _LETTERS_OF_PANEL :]
+        )
     return '\n'.join(lines)
 
 

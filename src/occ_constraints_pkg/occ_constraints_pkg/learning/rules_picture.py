@@ -21,11 +21,10 @@ from matplotlib.patches import Patch, Rectangle
 
 from occ_constraints_pkg.errors import DataError
 from occ_constraints_pkg.learning.evidence import why_document
-from occ_constraints_pkg.picture_style import SAFE, VIOLATED, WIDTH, save_figure
+from occ_constraints_pkg.picture_style import FIGURE_WIDTH, NEUTRAL, SAFE, VIOLATED, save_figure
 from occ_constraints_pkg.rules.constraints_file import Constraints
 from occ_constraints_pkg.rules.rule import Literal, Rule, Subject, subject_label
 from occ_constraints_pkg.rules.ruleset import RuleSet
-from occ_constraints_pkg.rules.space import FeatureSpace
 from occ_constraints_pkg.terminal import printable
 
 # From a blue that shows where a single sample lies.
@@ -33,12 +32,14 @@ _DENSITY = ListedColormap(mpl.colormaps['Blues'](np.linspace(0.3, 1.0, 128)))
 # Text that may lie on lines.
 _NOTE: dict[str, Any] = {
     'color': VIOLATED,
-    'fontsize': 7,
+    'fontsize': 8,
     'zorder': 5,
     'bbox': {'color': 'white', 'alpha': 0.8, 'pad': 0.5},
 }
 # Above the bar of a row, whose ends may have texts of their own.
 _ABOVE = {**_NOTE, 'ha': 'center', 'va': 'bottom'}
+# A bar ends where its data do.
+_BUTT: dict[str, Any] = {'solid_capstyle': 'butt'}
 # Stretches of a row with a text of their own.
 _MOST_GAPS = 2
 # What is left out is told in the title.
@@ -98,12 +99,12 @@ def rules_figure(constraints: Constraints, values: np.ndarray | None = None) -> 
     rows = _rows(rule_set, single)
     panels = [rule for rule in enabled if len(_by_subject(rule)) > 1]
     shown = _most_certain(constraints, panels)
-    heights = [0.34 * min(len(rows), _MOST_ROWS) + 1.5]
+    heights = [0.4 * min(len(rows), _MOST_ROWS) + 1.5]
     if shown:
         heights.append(3.7 * _lines(shown) + 0.8)
     # Names of features are no formulas, whatever signs are in them.
     with plt.rc_context({'text.parse_math': False}):
-        figure = plt.figure(figsize=(WIDTH, sum(heights)), layout='constrained')
+        figure = plt.figure(figsize=(FIGURE_WIDTH, sum(heights)), layout='constrained')
         parts = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
         _draw_rows(parts[0], rule_set, rows, values)
         if shown:
@@ -172,13 +173,23 @@ def _draw_rows(
         for number, subject in enumerate(row.subjects):
             at = place + (number - (len(row.subjects) - 1) / 2) * 0.36
             if values is None:
-                axis.plot([0.0, (high - low) / width], [at, at], color='#bbbbbb', lw=3, zorder=1)
+                axis.plot(
+                    [0.0, (high - low) / width], [at, at], color='#bbbbbb', lw=3, zorder=1, **_BUTT
+                )
                 continue
             points = np.percentile(_values(subject, values), [0, 1, 25, 75, 99, 100])
             points = (points - low) / width
-            axis.plot(points[[0, 5]], [at, at], color='#bbbbbb', lw=2, zorder=1)
-            axis.plot(points[[1, 4]], [at, at], color=SAFE, lw=3, alpha=0.5, zorder=2)
-            axis.plot(points[[2, 3]], [at, at], color=SAFE, lw=7, zorder=3)
+            axis.plot(points[[0, 5]], [at, at], color='#bbbbbb', lw=2, zorder=1, **_BUTT)
+            axis.plot(points[[1, 4]], [at, at], color=SAFE, lw=3, alpha=0.5, zorder=2, **_BUTT)
+            axis.plot(points[[2, 3]], [at, at], color=SAFE, lw=7, zorder=3, **_BUTT)
+        below = -5 if len(row.subjects) == 1 else -9
+        # Beside the lines of bounds, which are likely to be here.
+        for share, end, side in ((0.0, low, 'left'), ((high - low) / width, high, 'right')):
+            axis.annotate(
+                f'{end:.3g}', (share, place), (3 if side == 'left' else -3, below),
+                textcoords='offset points', ha=side, va='top', fontsize=7, color=NEUTRAL,
+                zorder=5, bbox=_NOTE['bbox'],
+            )  # fmt: skip
         gaps = sum(len(_by_subject(rule)[subject]) > 1 for subject, rule in row.rules)
         for subject, rule in row.rules:
             literals = _by_subject(rule)[subject]
@@ -193,11 +204,11 @@ def _draw_rows(
     axis.tick_params(labelsize=8)
     axis.set_ylim(len(shown) - 0.4, -0.6)
     axis.set_xlim(-0.5, 1.5)
-    axis.set_xlabel('share of the demonstrated range of the feature or family', fontsize=9)
+    axis.set_xlabel('share of the demonstrated range, whose ends are below each bar', fontsize=9)
     title = 'Rules about one feature or family'
     if len(shown) < len(rows):
         title += f' ({len(shown)} of {len(rows)} rows)'
-    axis.set_title(title, fontsize=10)
+    axis.set_title(title, fontsize=11)
     if values is None:
         handles = [Line2D([], [], color='#bbbbbb', lw=3, label='demonstrated range')]
     else:
@@ -207,9 +218,7 @@ def _draw_rows(
             Line2D([], [], color='#bbbbbb', lw=2, label='all'),
         ]
     handles.append(
-        Line2D(
-            [], [], color=VIOLATED, lw=2, label='bound: violated beyond (triangle: farther out)'
-        )
+        Line2D([], [], color=VIOLATED, lw=2, label='bound: violated beyond (triangle: farther out)')
     )
     part.legend(handles=handles, loc='outside lower center', ncols=4, fontsize=7.5, frameon=False)
 
@@ -243,8 +252,9 @@ def _draw_bounds(
     else:
         is_left = bounds[0][0].is_upper
         axis.annotate(
-            text, (shares[0], place), (-6 if is_left else 6, 0), textcoords='offset points',
-            ha='right' if is_left else 'left', va='center', **_NOTE,
+            # Above the bar, which may reach beyond the bound.
+            text, (shares[0], place), (-5 if is_left else 5, 4), textcoords='offset points',
+            ha='right' if is_left else 'left', va='bottom', **_NOTE,
         )  # fmt: skip
 
 
@@ -272,7 +282,7 @@ def _draw_panels(
     title = 'Rules with conditions'
     if len(shown) < total:
         title += f' ({len(shown)} of {total}: those with the most evidence, else the first)'
-    part.suptitle(title, fontsize=10)
+    part.suptitle(title, fontsize=11)
     axes = np.ravel(part.subplots(_lines(shown), _COLUMNS, squeeze=False))
     others = False
     for axis, rule in zip(axes, shown, strict=False):

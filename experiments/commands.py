@@ -355,6 +355,20 @@ def paper(names: tuple[str, ...], as_json: bool, **given: Any) -> None:
 
 
 @cli.command()
+@click.argument('folder', type=click.Path(exists=True, file_okay=False, path_type=Path))
+def redraw(folder: Path) -> None:
+    """Draw the pictures of results in FOLDER anew, and run nothing.
+
+    Of the experiments highway, learner and truth; those of the paper have paper --tables.
+
+    \b
+    Example: python -m experiments redraw docs/results
+    """
+    for path in _module('redraw').redraw(folder):
+        say_lines(f'Written to {path}')
+
+
+@cli.command()
 @_reads('robots')
 @click.option('--kind', 'kinds', multiple=True, help='Only this kind of robot; may be repeated.')
 @_writes()

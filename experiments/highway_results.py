@@ -8,21 +8,27 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
-
-mpl.use('Agg')
-
 import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from occ_constraints_pkg.agents.evaluation import half_width
-from occ_constraints_pkg.files import PICTURE, replacing
+from occ_constraints_pkg.picture_style import (
+    FIGURE_WIDTH,
+    draw_runs,
+    legend_below,
+    run_handles,
+    save_figure,
+)
 from scipy.special import ndtri
 
 from experiments.results import markdown_table
 
 RATES = {'collision': 'collision rate', 'off_road': 'off-road rate'}
-_COLOURS = {'RL': '#888888', 'RL with engineered reward': '#c8862b', 'ours': '#3b6ea5'}
+_COLOURS = {'RL': '#888888', 'RL with engineered reward': '#e69f00', 'ours': '#0072b2'}
+# Where curves cross, the colour is not all that tells them apart.
+_STYLES = {'RL': '-.', 'RL with engineered reward': '--', 'ours': '-'}
 # Updates over which a point of a curve is taken.
 _WINDOW = 8
 
@@ -94,18 +100,28 @@ def draw_curves(path: Path, lines: Sequence[Mapping[str, Any]]) -> None:
     Raises:
         OccError: the file cannot be written.
     """
+    save_figure(curves_figure(lines), path)
+
+
+def curves_figure(lines: Sequence[Mapping[str, Any]]) -> Figure:
+    """Return a figure of return, collision rate and off-road rate during training.
+
+    Args:
+        lines: one per training, with its ``curve``.
+    """
     sets = list(dict.fromkeys(line['set'] for line in lines))
     figure, axes = plt.subplots(
-        3, len(sets), figsize=(4.6 * len(sets), 7.2), squeeze=False, sharex=True, sharey='row'
-    )
+        3, len(sets), figsize=(FIGURE_WIDTH, 7.6), squeeze=False, sharex=True, sharey='row',
+        layout='constrained',
+    )  # fmt: skip
     for column, name in enumerate(sets):
-        for agent, colour in _COLOURS.items():
+        for agent in _COLOURS:
             curves = [x['curve'] for x in lines if (x['set'], x['agent']) == (name, agent)]
             if curves:
-                _draw_agent(axes[:, column], curves, agent, colour)
+                _draw_agent(axes[:, column], curves, agent)
         axes[0, column].set_title(f'{name} set', fontsize=10)
         axes[2, column].set_xlabel('million robot steps')
-    for axis, label in zip(axes[:, 0], ('return', *RATES.values()), strict=True):
+    for axis, label in zip(axes[:, 0], ('return per episode', *RATES.values()), strict=True):
         axis.set_ylabel(label)
     for axis in axes[1:].ravel():
         axis.set_yscale('symlog', linthresh=0.01)
@@ -113,18 +129,26 @@ def draw_curves(path: Path, lines: Sequence[Mapping[str, Any]]) -> None:
         axis.set_yticks([0.0, 0.01, 0.1, 1.0], ['0', '1 %', '10 %', '100 %'])
     for axis in axes.ravel():
         axis.grid(alpha=0.3)
-    if axes[0, 0].get_lines():
-        axes[0, 0].legend(fontsize=8)
-    figure.tight_layout()
-    with replacing(path, PICTURE) as draft:
-        figure.savefig(draft, dpi=100, format='png')
-    plt.close(figure)
+        axis.set_xlim(left=0.0)
+    figure.suptitle('Training on the highway, over the episodes that ended lately', fontsize=11)
+    agents = [agent for agent in _COLOURS if any(line['agent'] == agent for line in lines)]
+    handles = [
+        Line2D([], [], color=_COLOURS[agent], ls=_STYLES[agent], lw=1.8, label=agent)
+        for agent in agents
+    ]
+    seeds = max(
+        sum((x['set'], x['agent']) == (name, agent) for x in lines)
+        for name in sets
+        for agent in agents
+    )
+    legend_below(figure, [*handles, *run_handles(seeds)], columns=3)
+    return figure
 
 
 def _draw_agent(
-    axes: Sequence[Axes], curves: Sequence[Sequence[Mapping[str, float]]], agent: str, colour: str
+    axes: Sequence[Axes], curves: Sequence[Sequence[Mapping[str, float]]], agent: str
 ) -> None:
-    """Draw the mean over seeds, and their range, in each of three axes."""
+    """Draw each seed, and their mean, in each of three axes."""
     length = min(map(len, curves))
     if length <= _WINDOW:
         return
@@ -136,7 +160,4 @@ def _draw_agent(
         shares = ended[..., 1:] / ended[..., :1]
     steps = totals[:, _WINDOW:, 0].mean(axis=0) / 1e6
     for axis, values in zip(axes, np.moveaxis(shares, -1, 0), strict=True):
-        axis.plot(steps, values.mean(axis=0), color=colour, label=agent, lw=1.3)
-        axis.fill_between(
-            steps, values.min(axis=0), values.max(axis=0), color=colour, alpha=0.2, lw=0
-        )
+        draw_runs(axis, steps, values, _COLOURS[agent], style=_STYLES[agent])

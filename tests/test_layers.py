@@ -65,6 +65,7 @@ COMMON = {
     'documents',
     'errors',
     'files',
+    'picture_style',
     'simple_yaml',
     'stopping',
     'terminal',

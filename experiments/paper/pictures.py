@@ -8,17 +8,25 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
-
-mpl.use('Agg')
-
 import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
-from occ_constraints_pkg.agents.evaluation import half_width
-from occ_constraints_pkg.files import PICTURE, replacing
+from matplotlib.ticker import MaxNLocator, PercentFormatter
+from occ_constraints_pkg.picture_style import (
+    FIGURE_WIDTH,
+    MARKERS,
+    SAFE,
+    SERIES,
+    VIOLATED,
+    draw_runs,
+    legend_below,
+    run_handles,
+    save_figure,
+)
 from occ_constraints_pkg.worlds.simple_nav import FORBIDDEN_X_BELOW, FORBIDDEN_Y_ABOVE
 
 from experiments.highway_results import draw_curves
@@ -26,7 +34,8 @@ from experiments.paper import depth, highway, safety_gym, simple_nav
 from experiments.paper.plan import Scale
 from experiments.paper.tables import Lines, results_of
 
-_COLOURS = {'expert': '#3a7d44', safety_gym.MCE: '#c8862b', 'ours': '#3b6ea5'}
+_COLOURS = {'expert': '#009e73', safety_gym.MCE: '#e69f00', 'ours': '#0072b2'}
+_STYLES = {'expert': ':', safety_gym.MCE: '--', 'ours': '-'}
 _LIMIT = 25.0
 
 
@@ -57,43 +66,43 @@ def draw(lines: Lines, scale: Scale, folder: Path) -> list[Path]:
 
 
 def _saved(figure: Figure, path: Path) -> Path:
-    figure.tight_layout()
-    with replacing(path, PICTURE) as draft:
-        figure.savefig(draft, dpi=110, format='png')
-    plt.close(figure)
+    save_figure(figure, path)
     return path
 
 
 def _trajectories(example: Mapping[str, Any]) -> Figure:
     """Figure 1: expert and heedless trajectories, and what is forbidden."""
-    figure, axis = plt.subplots(figsize=(4.4, 4.2))
+    figure, axis = plt.subplots(figsize=(5.0, 5.4), layout='constrained')
     axis.add_patch(
         Rectangle(
             (0.0, FORBIDDEN_Y_ABOVE),
             FORBIDDEN_X_BELOW,
             1.0 - FORBIDDEN_Y_ABOVE,
-            color='#c03a2b',
-            alpha=0.25,
+            fc=(*to_rgb(VIOLATED), 0.2),
+            ec=VIOLATED,
+            hatch='///',
             lw=0,
-            label='true constraint',
+            label='forbidden by the true constraint',
         )
     )
-    for driver, style, words in (
-        ('expert', '-', 'expert'),
-        ('straight', '--', 'unaware of the constraint'),
+    for driver, style, colour, words in (
+        ('expert', '-', SAFE, 'expert'),
+        ('straight', '--', 'black', 'unaware of the constraint'),
     ):
         for number, path in enumerate(example['trajectories'][driver]):
             x, y = np.transpose(path)
-            axis.plot(x, y, style, lw=1.1, color='#222222', label='' if number else words)
+            axis.plot(x, y, style, lw=1.3, color=colour, label='' if number else words)
     axis.set(xlim=(0, 1), ylim=(0, 1), xlabel='x', ylabel='y', aspect='equal')
-    axis.legend(fontsize=8, loc='upper left')
+    figure.suptitle('simple_nav: trajectories and what is forbidden', fontsize=11)
+    legend_below(figure, axis.get_legend_handles_labels()[0], columns=2)
     return figure
 
 
 def _tree(tree: Mapping[str, Any]) -> Figure:
     """Figure 2: the tree, each node an interval of one feature."""
-    figure, axis = plt.subplots(figsize=(6.4, 3.4))
+    figure, axis = plt.subplots(figsize=(6.4, 3.6), layout='constrained')
     axis.axis('off')
+    axis.set_title('simple_nav: the tree learned from the expert', fontsize=11)
     width = _leaves(tree)
 
     def place(node: Mapping[str, Any], left: float, level: int, words: str) -> float:
@@ -149,29 +158,35 @@ def _training_curves(lines: Lines, scale: Scale) -> Figure | None:
     if not tasks:
         return None
     figure, axes = plt.subplots(
-        2, len(tasks), figsize=(3.4 * len(tasks) + 0.6, 5.0), squeeze=False, sharex='col'
-    )
+        2, len(tasks), figsize=(max(FIGURE_WIDTH, 2.7 * len(tasks)), 5.4), squeeze=False,
+        sharex='col', layout='constrained',
+    )  # fmt: skip
     for column, task in enumerate(tasks):
         for method in safety_gym.METHODS:
             for axis, name in zip(axes[:, column], ('return', 'cost'), strict=True):
-                _band(axis, [item['curve'] for item in found[task, method]], name, method)
-        axes[1, column].axhline(_LIMIT, color='#999999', lw=0.8, ls=':')
+                _draw_method(axis, [item['curve'] for item in found[task, method]], name, method)
+        axes[1, column].axhline(_LIMIT, color='black', lw=1.0, ls='-.')
         axes[0, column].set_title(task, fontsize=10)
         axes[1, column].set_xlabel('million robot steps')
         axes[1, column].set_ylim(0, 150)
-    axes[0, 0].set_ylabel('return')
-    axes[1, 0].set_ylabel('true cost')
+    axes[0, 0].set_ylabel('return per episode')
+    axes[1, 0].set_ylabel('true cost per episode')
     for axis in axes.ravel():
         axis.grid(alpha=0.3)
-    for axis in axes[0]:
-        axis.legend(fontsize=8)
+    handles = [
+        Line2D([], [], color=_COLOURS[method], ls=_STYLES[method], lw=1.8, label=method)
+        for method in safety_gym.METHODS
+    ]
+    handles.append(Line2D([], [], color='black', lw=1.0, ls='-.', label='cost limit'))
+    legend_below(figure, [*handles, *run_handles(max(map(len, found.values())))], columns=6)
+    figure.suptitle('Return and true cost during training', fontsize=11)
     return figure
 
 
-def _band(
-    axis: Axes, curves: Sequence[Mapping[str, Sequence[float]]], name: str, label: str
+def _draw_method(
+    axis: Axes, curves: Sequence[Mapping[str, Sequence[float]]], name: str, method: str
 ) -> None:
-    """Draw the mean over runs, and its 95 % interval if there are several."""
+    """Draw each run, and their mean."""
     if not curves:
         return
     length = max(len(curve['steps']) for curve in curves)
@@ -181,16 +196,14 @@ def _band(
         length,
     )
     values = np.array([np.interp(steps, curve['steps'], curve[name]) for curve in curves])
-    colour, mean = _COLOURS[label], values.mean(axis=0)
-    axis.plot(steps / 1e6, mean, color=colour, lw=1.3, label=label)
-    if len(values) > 1:
-        half = np.array([half_width(column) for column in values.T])
-        axis.fill_between(steps / 1e6, mean - half, mean + half, color=colour, alpha=0.2, lw=0)
+    draw_runs(axis, steps / 1e6, values, _COLOURS[method], style=_STYLES[method])
 
 
 def _depths(lines: Lines, scale: Scale) -> Figure | None:
     """Coverage of held-out demonstrations and F1 against depth."""
-    figure, axes = plt.subplots(1, 2, figsize=(7.6, 3.2), sharex=True)
+    figure, axes = plt.subplots(
+        1, 2, figsize=(FIGURE_WIDTH, 3.8), sharex=True, layout='constrained'
+    )
     drawn = False
     for number, (tree, title) in enumerate(depth.COMPARED.items()):
         for run, result in enumerate(
@@ -205,18 +218,21 @@ def _depths(lines: Lines, scale: Scale) -> Figure | None:
                 axis.plot(
                     range(len(level)),
                     level,
-                    color=f'C{number}',
-                    marker='o',
-                    ms=3,
-                    lw=1,
-                    alpha=0.8,
+                    color=SERIES[number],
+                    marker=MARKERS[number],
+                    ms=5,
+                    lw=1.2,
                     label='' if run else title,
+                    clip_on=False,
                 )
     if not drawn:
         plt.close(figure)
         return None
     for axis, words in zip(axes, ('held-out demonstrations covered', 'F1'), strict=True):
-        axis.set(xlabel='depth', ylabel=words, ylim=(0, 1.02))
+        axis.set(xlabel='depth (levels of splits)', ylabel=words, ylim=(0, 1))
+        axis.xaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
         axis.grid(alpha=0.3)
-    axes[0].legend(fontsize=8)
+    axes[0].yaxis.set_major_formatter(PercentFormatter(1.0))
+    figure.suptitle('What deeper trees cover and find', fontsize=11)
+    legend_below(figure, axes[0].get_legend_handles_labels()[0])
     return figure

@@ -39,7 +39,7 @@ def test_drives_are_drawn_under_one_another(tmp_path, suffix):
     path = tmp_path / f'drives.{suffix}'
     draw_drives(path, {'one': short, 'other': short}, None)
     with Image.open(path) as picture:
-        assert picture.width > picture.height
+        assert picture.width == (880 if suffix == 'png' else 640)
         assert getattr(picture, 'n_frames', 1) == (1 if suffix == 'png' else 3)
 
 
@@ -72,8 +72,20 @@ def test_rules_of_another_world_are_refused_not_drawn_as_kept(tmp_path):
 
 
 def test_without_rules_the_picture_claims_no_verdict():
-    for truths, text in ((None, 'no rules given'), ({}, 'no violation')):
+    drive = drive_through(lambda seen: np.array([[0.0, 0.2]]), 0)
+    for truths, text in ((None, 'no rules given'), ({}, 'no rule violated')):
         axis = plt.figure().add_subplot()
-        _draw_timeline(axis, truths)
+        _draw_timeline(axis, drive, truths)
         assert [item.get_text() for item in axis.texts] == [text]
         plt.close(axis.figure)
+
+
+def test_no_bar_of_a_violation_reaches_beyond_the_drive():
+    drive = drive_through(lambda seen: np.array([[0.0, 0.2]]), 0)
+    axis = plt.figure().add_subplot()
+    _draw_timeline(axis, drive, {'always': np.ones(len(drive.vehicles), dtype=bool)})
+    (bars,) = axis.collections
+    ends = [path.vertices[:, 0].max() for path in bars.get_paths()]
+    assert max(ends) == pytest.approx((len(drive.vehicles) - 1) * 0.2)
+    assert axis.get_xlabel() == 'time [s]'
+    plt.close(axis.figure)

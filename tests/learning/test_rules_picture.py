@@ -15,6 +15,7 @@ from matplotlib.collections import QuadMesh
 from matplotlib.image import imread
 from matplotlib.patches import Rectangle
 from occ_constraints_pkg.learning.rules_picture import draw_rules, rules_figure
+from occ_constraints_pkg.picture_style import VIOLATED
 
 SPACE = FeatureSpace(
     (
@@ -67,7 +68,8 @@ def density(panel):
 
 
 def words(axis):
-    return [text.get_text() for text in axis.texts]
+    """Return the texts about rules, without the ends of demonstrated ranges."""
+    return [text.get_text() for text in axis.texts if text.get_color() == VIOLATED]
 
 
 def rows(axis):
@@ -82,6 +84,19 @@ def test_a_family_is_one_row_of_its_bounded_end(values):
     (axis,) = rules_figure(constraints(('R1', (CLOSE,)), far), values).axes
     assert rows(axis)[2] == 'smallest and largest d [m]'
     assert len(rows(axis)) == 4
+
+
+def test_a_bar_ends_where_its_data_do_and_no_text_lies_on_it(values):
+    (axis,) = rules_figure(constraints(('R1', (FAST,)), ('R2', (CLOSE,))), values).axes
+    figure = axis.figure.figure
+    figure.draw_without_rendering()
+    bars = [line for line in axis.lines if line.get_color() != VIOLATED]
+    assert {line.get_solid_capstyle() for line in bars} == {'butt'}
+    # In pixels: texts are above or below the line, not on it.
+    middles = {round(axis.transData.transform((0.0, line.get_ydata()[0]))[1]) for line in bars}
+    for text in axis.texts:
+        box = text.get_window_extent()
+        assert not any(box.y0 < middle < box.y1 for middle in middles)
 
 
 def test_a_member_with_a_rule_of_its_own_has_its_own_row(values):

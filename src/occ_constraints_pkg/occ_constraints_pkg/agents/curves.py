@@ -8,18 +8,22 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
-
-mpl.use('Agg')
-
 import numpy as np
 from matplotlib import pyplot as plt
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 
-from occ_constraints_pkg.agents.evaluation import half_width
-from occ_constraints_pkg.files import PICTURE, replacing
-
-_BLUE, _RED, _GREY = '#3b6ea5', '#c8362b', '#555555'
-_DOTS_PER_INCH = 110
+from occ_constraints_pkg.picture_style import (
+    FIGURE_WIDTH,
+    NEUTRAL,
+    SAFE,
+    VIOLATED,
+    draw_runs,
+    legend_below,
+    run_handles,
+    save_figure,
+)
 
 
 def draw_training(
@@ -29,9 +33,7 @@ def draw_training(
     *,
     cost_name: str = 'cost',
 ) -> None:
-    """Draw return, cost and multiplier over steps: mean of the seeds and its 95 % interval.
-
-    Missing values are left out. Seeds are compared update by update, up to the end of the shortest.
+    """Draw return, cost and multiplier over steps to a file; see :func:`training_figure`.
 
     Args:
         path: PNG file to write.
@@ -42,35 +44,53 @@ def draw_training(
     Raises:
         OccError: the file cannot be written.
     """
+    save_figure(training_figure(histories, cost_limit, cost_name=cost_name), path)
+
+
+def training_figure(
+    histories: Sequence[Sequence[Mapping[str, Any]]],
+    cost_limit: float | None,
+    *,
+    cost_name: str = 'cost',
+) -> Figure:
+    """Return a figure of return, cost and multiplier over steps: each seed, and their mean.
+
+    Missing values are left out. Seeds are compared update by update, up to the end of the shortest.
+
+    Args:
+        histories: the lines of the metrics file of each seed.
+        cost_limit: drawn as a line; ``None``: no limit.
+        cost_name: name of the cost.
+    """
     length = min(map(len, histories))
     steps = _column(histories, 'steps', length).mean(axis=0) / 1e6
-    figure, axes = plt.subplots(1, 3, figsize=(12, 3.4))
+    figure, axes = plt.subplots(
+        1, 3, figsize=(FIGURE_WIDTH, 3.1), layout='constrained', sharex=True
+    )
     panels = (
-        ('mean_return', 'return per episode', _BLUE),
-        ('mean_cost', f'{cost_name} per episode', _RED),
-        ('multiplier', 'Lagrange multiplier', _GREY),
+        ('mean_return', 'return per episode', SAFE),
+        ('mean_cost', f'{cost_name} per episode', VIOLATED),
+        ('multiplier', 'Lagrange multiplier', NEUTRAL),
     )
     for axis, (key, title, colour) in zip(axes, panels, strict=True):
-        values = _column(histories, key, length)
-        mean = values.mean(axis=0)
-        axis.plot(steps, mean, color=colour)
-        if len(values) > 1:
-            half = np.array([half_width(column) for column in values.T])
-            axis.fill_between(steps, mean - half, mean + half, color=colour, alpha=0.25, lw=0)
+        draw_runs(axis, steps, _column(histories, key, length), colour)
         axis.set_title(title, fontsize=10)
-        axis.set_xlabel('million robot steps')
+        axis.set_xlabel('million robot steps', fontsize=9)
+        axis.tick_params(labelsize=8.5)
+        axis.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
         axis.grid(alpha=0.3)
+    handles = run_handles(len(histories))
     if cost_limit is not None:
         axes[1].axhline(cost_limit, color='black', ls='--', lw=1)
-        axes[1].text(steps[-1], cost_limit, 'limit ', ha='right', va='bottom', fontsize=8)
-    if len(histories) > 1:
-        figure.text(
-            0.995, 0.01, f'mean and 95 % interval of {len(histories)} seeds', ha='right', fontsize=7
-        )
-    figure.tight_layout()
-    with replacing(path, PICTURE) as draft:
-        figure.savefig(draft, dpi=_DOTS_PER_INCH, format='png')
-    plt.close(figure)
+        handles.append(Line2D([], [], color='black', ls='--', lw=1, label='cost limit'))
+    for axis in axes[1:]:
+        # Neither is ever negative; the top leaves room also where all are 0.
+        axis.set_ylim(0.0, max(axis.get_ylim()[1], 1e-3))
+    axes[0].set_xlim(0.0, steps[-1])
+    figure.suptitle('Training: return and cost are means of the latest episodes', fontsize=11)
+    if handles:
+        legend_below(figure, handles)
+    return figure
 
 
 def _column(histories: Sequence[Sequence[Mapping[str, Any]]], key: str, length: int) -> np.ndarray:

@@ -8,30 +8,35 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import matplotlib as mpl
-
-mpl.use('Agg')
-
 import numpy as np
 from matplotlib import animation
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
-from matplotlib.figure import SubFigure
-from matplotlib.patches import Polygon
+from matplotlib.figure import Figure, SubFigure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, Polygon
 
 from occ_constraints_pkg.agents.rule_cost import RuleCost
 from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.files import GIF, PICTURE, Kind, replacing
+from occ_constraints_pkg.picture_style import (
+    DOTS_PER_INCH,
+    FIGURE_WIDTH,
+    SAFE,
+    VIOLATED,
+    legend_below,
+)
 from occ_constraints_pkg.rules.constraints_file import Constraints
 from occ_constraints_pkg.worlds.highway import Highway
 from occ_constraints_pkg.worlds.highway_scenarios import LANE_WIDTH
 from occ_constraints_pkg.worlds.highway_traffic import HEADING, IDENTITY, LENGTH, WIDTH, X, Y
 
-_ROAD, _LINE, _OTHER, _EGO, _BAD = '#d9d9d9', '#ffffff', '#777777', '#3b6ea5', '#c8362b'
-_DOTS_PER_INCH = 80
+_ROAD, _LINE, _OTHER = '#d9d9d9', '#ffffff', '#777777'
+# Of a film, which would else be large.
+_FILM_DOTS_PER_INCH = 80
 # Visible part of the road, in m behind and ahead of the ego.
 _BEHIND, _AHEAD = 35.0, 105.0
-_SHOTS = 4
+_SHOTS = 3
 # Seconds between frames; the film runs at twice the real speed.
 _FRAME_SECONDS, _HASTE = 0.8, 2.0
 
@@ -132,33 +137,33 @@ def _violations(drive: Drive, constraints: Constraints | None) -> dict[str, np.n
 def _draw_strip(
     path: Path, drives: Mapping[str, Drive], broken: Mapping[str, Mapping[str, np.ndarray] | None]
 ) -> None:
-    figure = plt.figure(figsize=(11.0, 3.2 * len(drives)))
-    blocks = figure.subfigures(len(drives), 1, squeeze=False)[:, 0]
+    figure, blocks = _figure(drives, broken, _SHOTS)
     for block, (name, drive) in zip(blocks, drives.items(), strict=True):
-        road, timeline = _axes(block, name, drive, _SHOTS)
-        _draw_timeline(timeline, broken[name])
+        road, timeline = _axes(block, name, drive, broken[name], _SHOTS)
         last = len(drive.vehicles) - 1
         for axis, step in zip(road, np.linspace(0, last, _SHOTS).astype(int), strict=True):
             _draw_road(axis, drive, step, broken[name])
-            timeline.axvline(step * Highway.step_seconds, color='black', lw=0.6, ls=':')
-    figure.savefig(path, dpi=_DOTS_PER_INCH, format='png')
+            timeline.axvline(step * Highway.step_seconds, color='black', lw=0.8, ls=':')
+    figure.savefig(path, dpi=DOTS_PER_INCH, format='png')
     plt.close(figure)
 
 
 def _draw_film(
     path: Path, drives: Mapping[str, Drive], broken: Mapping[str, Mapping[str, np.ndarray] | None]
 ) -> None:
-    figure = plt.figure(figsize=(10.0, 1.3 * len(drives)))
-    blocks = figure.subfigures(len(drives), 1, squeeze=False)[:, 0]
+    figure, blocks = _figure(drives, broken, 1)
     parts = []
     for block, (name, drive) in zip(blocks, drives.items(), strict=True):
-        (road,), timeline = _axes(block, name, drive, 1)
-        _draw_timeline(timeline, broken[name])
-        parts.append((road, timeline.axvline(0.0, color='black', lw=0.8), drive, broken[name]))
+        (road,), timeline = _axes(block, name, drive, broken[name], 1)
+        _draw_road(road, drive, 0, broken[name])
+        parts.append((road, timeline.axvline(0.0, color='black', lw=1.0), drive, broken[name]))
+    # All frames have the layout of the first.
+    figure.draw_without_rendering()
+    figure.set_layout_engine('none')
     longest = max(len(drive.vehicles) for drive in drives.values())
     stride = round(_FRAME_SECONDS / Highway.step_seconds)
     writer = animation.PillowWriter(fps=_HASTE / _FRAME_SECONDS)  # type: ignore[arg-type]
-    with writer.saving(figure, str(path), _DOTS_PER_INCH * 0.8):
+    with writer.saving(figure, str(path), _FILM_DOTS_PER_INCH):
         for step in range(0, longest, stride):
             for road, line, drive, truths in parts:
                 now = min(step, len(drive.vehicles) - 1)
@@ -169,25 +174,52 @@ def _draw_film(
     plt.close(figure)
 
 
-def _axes(block: SubFigure, name: str, drive: Drive, shots: int) -> tuple[Sequence[Axes], Axes]:
-    grid = block.add_gridspec(
-        shots,
-        2,
-        width_ratios=(1.7, 1.0),
-        left=0.01,
-        right=0.985,
-        top=0.88,
-        bottom=0.15,
-        wspace=0.5,
-        hspace=0.12,
-    )
+def _figure(
+    drives: Mapping[str, Drive],
+    broken: Mapping[str, Mapping[str, np.ndarray] | None],
+    shots: int,
+) -> tuple[Figure, Sequence[SubFigure]]:
+    """Return a figure with its legend, and a part of it for each drive."""
+    heights = [
+        1.2 + sum(_block_heights(drive, broken[name], shots)) for name, drive in drives.items()
+    ]
+    figure = plt.figure(figsize=(FIGURE_WIDTH, sum(heights) + 0.5), layout='constrained')
+    handles = [
+        Patch(color=SAFE, label='own car'),
+        Patch(color=VIOLATED, label='own car, rule violated or crashed'),
+        Patch(color=_OTHER, label='other cars'),
+        Line2D([], [], color='black', ls=':' if shots > 1 else '-', label='moment shown'),
+    ]
+    legend_below(figure, handles)
+    blocks = figure.subfigures(len(drives), 1, height_ratios=heights, squeeze=False)
+    return figure, list(blocks[:, 0])
+
+
+def _block_heights(
+    drive: Drive, truths: Mapping[str, np.ndarray] | None, shots: int
+) -> list[float]:
+    """Return the heights in inches of the pictures of the road, true to scale, and the timeline."""
+    road = (LANE_WIDTH * drive.lanes + 3.0) / (_BEHIND + _AHEAD) * (FIGURE_WIDTH - 0.9)
+    return [road] * shots + [0.36 * max(1, len(truths or {}))]
+
+
+def _axes(
+    block: SubFigure,
+    name: str,
+    drive: Drive,
+    truths: Mapping[str, np.ndarray] | None,
+    shots: int,
+) -> tuple[Sequence[Axes], Axes]:
     end = f', {drive.end} after {(len(drive.vehicles) - 1) * Highway.step_seconds:.1f} s'
     block.suptitle(
         f'{name}: return {drive.returned:.1f}{end if drive.end else ""}',
-        fontsize=9, x=0.01, ha='left', y=0.99,
+        fontsize=10, x=0.01, ha='left',
     )  # fmt: skip
-    road = [block.add_subplot(grid[shot, 0]) for shot in range(shots)]
-    return road, block.add_subplot(grid[:, 1])
+    *road, timeline = block.subplots(
+        shots + 1, 1, height_ratios=_block_heights(drive, truths, shots)
+    )
+    _draw_timeline(timeline, drive, truths)
+    return road, timeline
 
 
 def _draw_road(
@@ -209,7 +241,7 @@ def _draw_road(
             (x - here, y) + a * LENGTH / 2 * along + b * WIDTH / 2 * across
             for a, b in ((1, 1), (1, -1), (-1, -1), (-1, 1))
         ]
-        colour = _OTHER if index else _BAD if violated or ended else _EGO
+        colour = _OTHER if index else VIOLATED if violated or ended else SAFE
         axis.add_patch(Polygon(corners, closed=True, color=colour, lw=0, zorder=3))
     axis.set(xlim=(-_BEHIND, _AHEAD), ylim=(bottom + 1.5, top - 1.5), xticks=[], yticks=[])
     axis.set_aspect('equal')
@@ -218,23 +250,30 @@ def _draw_road(
         spine.set_visible(False)
     speed = drive.observation[step, 0]
     axis.text(
-        _AHEAD + 2.0, (top + bottom) / 2,
-        f'{step * Highway.step_seconds:.1f} s\n{speed:.0f} m/s', fontsize=7, va='center',
+        -_BEHIND - 2.0, (top + bottom) / 2,
+        f'{step * Highway.step_seconds:.1f} s\n{speed:.0f} m/s', fontsize=8.5, va='center',
+        ha='right',
     )  # fmt: skip
 
 
-def _draw_timeline(axis: Axes, truths: Mapping[str, np.ndarray] | None) -> None:
+def _draw_timeline(axis: Axes, drive: Drive, truths: Mapping[str, np.ndarray] | None) -> None:
     """Draw when each rule is violated; ``None`` if there are no rules."""
-    width = Highway.step_seconds
-    verdict = 'no rules given' if truths is None else 'no violation'
+    width, end = Highway.step_seconds, (len(drive.vehicles) - 1) * Highway.step_seconds
+    verdict = 'no rules given' if truths is None else 'no rule violated'
     truths = truths or {}
-    for row, truth in enumerate(truths.values()):
-        spans = [(step * width, width) for step in np.flatnonzero(truth)]
-        axis.broken_barh(spans, (row - 0.4, 0.8), color=_BAD, lw=0)
+    for row, (words, truth) in enumerate(truths.items()):
+        # A state lasts to the next one, and the last one no time, but it is seen.
+        starts = np.flatnonzero(truth) * width
+        spans = [(start, min(width, end - start)) for start in starts.tolist()]
+        axis.broken_barh(spans, (row - 0.02, 0.4), color=VIOLATED, lw=0.7)
+        axis.text(0.006, row - 0.1, words, fontsize=8.5, transform=axis.get_yaxis_transform())
     if not truths:
-        axis.text(0.5, 0.5, verdict, transform=axis.transAxes, ha='center', fontsize=8)
-    axis.set_yticks(range(len(truths)), list(truths), fontsize=7)
-    axis.set(xlim=(0.0, Highway.max_episode_steps * width), ylim=(len(truths) - 0.4, -0.6))
-    axis.tick_params(axis='x', labelsize=7)
-    axis.set_xlabel('time [s]', fontsize=7)
+        axis.text(0.006, -0.1, verdict, fontsize=8.5, transform=axis.get_yaxis_transform())
+    longest = Highway.max_episode_steps * width
+    if end < longest:
+        axis.axvspan(end, longest, fc='#eeeeee', ec='#bbbbbb', hatch='///', lw=0)
+    axis.set_yticks([])
+    axis.set(xlim=(0.0, longest), ylim=(max(1, len(truths)) - 0.5, -0.6))
+    axis.tick_params(axis='x', labelsize=8.5)
+    axis.set_xlabel('time [s]', fontsize=8.5)
     axis.grid(axis='x', alpha=0.3)

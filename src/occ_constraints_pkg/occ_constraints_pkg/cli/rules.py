@@ -229,7 +229,7 @@ def check(
         derived = loaded.with_rule_set(rule_set.with_counts(counts))
         _report_copy(counted, save_derived(derived, counted, overwrite=overwrite))
     if draw:
-        draw.draw_timeline(Path(plot), timeline, rule_set)
+        draw.draw_timeline(Path(plot), timeline, rule_set, Path(constraints).name)
     record = None
     if horizon is not None:
         with progress_bar('forecasting') as progress:

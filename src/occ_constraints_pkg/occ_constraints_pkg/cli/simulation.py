@@ -352,7 +352,7 @@ def drive(
     """Draw one episode from above, as a picture or a film.
 
     \b
-    Example: occ drive CarPush1 --driver expert -o drive.gif
+    Example: occ drive PointGoal1 --driver expert -o drive.png
     Example: occ drive highway -c rules.yaml -o drive.png
     """
     import numpy as np

@@ -7,23 +7,21 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-import matplotlib as mpl
-
-mpl.use('Agg')
-
 import numpy as np
 from matplotlib import pyplot as plt
-from matplotlib.patches import Circle
 
 from occ_constraints_pkg.agents.rule_cost import RuleCost
-from occ_constraints_pkg.files import PICTURE, replacing
-from occ_constraints_pkg.worlds.film import COLOURS, draw_things
-from occ_constraints_pkg.worlds.safety_gym import GOAL_RADIUS, PointGoal1
+from occ_constraints_pkg.picture_style import FIGURE_WIDTH, SAFE, VIOLATED, save_figure
+from occ_constraints_pkg.wording import count_of
+from occ_constraints_pkg.worlds.film import (
+    draw_past_goals,
+    draw_things,
+    path_handles,
+    thing_handles,
+)
+from occ_constraints_pkg.worlds.safety_gym import PointGoal1
 from occ_constraints_pkg.worlds.stream import EpisodeStream
 
-_SAFE, _VIOLATED = '#3b6ea5', '#c8362b'
-_HAZARD, _GOAL = COLOURS['hazard'], COLOURS['goal']
-_DOTS_PER_INCH = 110
 # Half the side of the square in which things are placed, in m.
 _ARENA = 1.5
 
@@ -39,48 +37,49 @@ def draw_trajectories(
         steps: number of steps to draw.
         seed: of the surroundings.
     """
-    figure, axes = plt.subplots(1, len(drivers), figsize=(4.6 * len(drivers), 5.4), squeeze=False)
+    # Two panels over the width, the legend in the place of one: all can be read where it is shown.
+    rows = len(drivers) // 2 + 1
+    figure, axes = plt.subplots(
+        rows, 2, figsize=(FIGURE_WIDTH, 4.2 * rows), squeeze=False, layout='constrained'
+    )
+    panels = axes.ravel()
     furthest = _ARENA
-    for axis, (title, driver, cost) in zip(axes[0], drivers, strict=True):
+    for axis, (title, driver, cost) in zip(panels, drivers, strict=False):
         world = PointGoal1(1, processes=1)
         stream = EpisodeStream(world, seed=seed)
         batch = stream.reset()
         hazards = [thing for thing in world.view(0).things if thing.kind == 'hazard']
-        path_xy, goals, flagged = [], [], []
+        path_xy, goals, flagged = [], {}, []
         for _ in range(steps):
             now = world.view(0)
             path_xy.append(now.position[:2])
-            goals.append(next(thing for thing in now.things if thing.kind == 'goal').position[:2])
+            goal = next(thing for thing in now.things if thing.kind == 'goal')
+            goals[tuple(goal.position)] = goal
             flagged.append(cost(batch)[0] > 0)
             batch = stream.step(driver(batch.observation))
         world.close()
+        *reached, last = goals.values()
         places, bad = np.array(path_xy), np.array(flagged)
-        draw_things(axis, hazards)
-        for centre in np.unique(np.array(goals), axis=0):
-            axis.add_patch(Circle(centre, GOAL_RADIUS, color=_GOAL, alpha=0.35, lw=0))
-        axis.plot(*places.T, color=_SAFE, lw=1.2)
-        axis.plot(*places[bad].T, '.', color=_VIOLATED, ms=4)
+        draw_things(axis, [*hazards, last])
+        draw_past_goals(axis, reached)
+        axis.plot(*places.T, color=SAFE, lw=1.2)
+        axis.plot(*places[bad].T, '.', color=VIOLATED, ms=5)
         axis.plot(*places[0], 'o', color='black', ms=6)
         axis.set_title(
-            f'{title}\nreached {len(np.unique(goals, axis=0)) - 1} goals, '
+            f'{title}: {count_of(len(reached), "goal")} reached,\n'
             f'{bad.mean():.0%} of the time outside the rules',
             fontsize=10,
         )
-        axis.set_aspect('equal')
-        axis.set_xlabel('x [m]')
+        axis.set(aspect='equal', xlabel='x [m]', ylabel='y [m]')
         furthest = max(furthest, float(np.abs(places).max()))
-    for axis in axes[0]:
+    for axis in panels[: len(drivers)]:
         axis.set_xlim(-furthest - 0.1, furthest + 0.1)
         axis.set_ylim(-furthest - 0.1, furthest + 0.1)
-    axes[0][0].set_ylabel('y [m]')
-    handles = [
-        plt.Line2D([], [], color=_SAFE, label='inside the learned rules'),
-        plt.Line2D([], [], color=_VIOLATED, marker='.', ls='', label='violates a learned rule'),
-        plt.Line2D([], [], color=_HAZARD, marker='o', ls='', ms=10, label='hazard (true cost)'),
-        plt.Line2D([], [], color=_GOAL, marker='o', ls='', ms=10, alpha=0.5, label='goals'),
-    ]
-    figure.legend(handles=handles, loc='lower center', ncols=4, fontsize=9, frameon=False)
-    figure.tight_layout(rect=(0, 0.06, 1, 0.98))
-    with replacing(path, PICTURE) as draft:
-        figure.savefig(draft, dpi=_DOTS_PER_INCH, format='png')
-    plt.close(figure)
+    for axis in panels[len(drivers) :]:
+        axis.axis('off')
+    handles = [*thing_handles(['hazard', 'goal']), *path_handles('violates a learned rule')]
+    panels[len(drivers)].legend(
+        handles=handles, loc='center', fontsize=10, frameon=False,
+        title='The same surroundings, from above',
+    )  # fmt: skip
+    save_figure(figure, path)

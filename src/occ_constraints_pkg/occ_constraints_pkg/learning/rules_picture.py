@@ -11,9 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
-
-mpl.use('Agg')
-
 import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
@@ -23,31 +20,28 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
 from occ_constraints_pkg.errors import DataError
-from occ_constraints_pkg.files import PICTURE, replacing
 from occ_constraints_pkg.learning.evidence import why_document
+from occ_constraints_pkg.picture_style import FIGURE_WIDTH, NEUTRAL, SAFE, VIOLATED, save_figure
 from occ_constraints_pkg.rules.constraints_file import Constraints
-from occ_constraints_pkg.rules.rule import Literal, Rule, Subject
+from occ_constraints_pkg.rules.rule import Literal, Rule, Subject, subject_label
 from occ_constraints_pkg.rules.ruleset import RuleSet
-from occ_constraints_pkg.rules.space import FeatureSpace
 from occ_constraints_pkg.terminal import printable
 
-# Blue and vermilion, which colour-blind people tell apart; corners are hatched as well.
-_SAFE, _VIOLATED = '#3b6ea5', '#d55e00'
 # From a blue that shows where a single sample lies.
 _DENSITY = ListedColormap(mpl.colormaps['Blues'](np.linspace(0.3, 1.0, 128)))
 # Text that may lie on lines.
 _NOTE: dict[str, Any] = {
-    'color': _VIOLATED,
-    'fontsize': 7,
+    'color': VIOLATED,
+    'fontsize': 8,
     'zorder': 5,
     'bbox': {'color': 'white', 'alpha': 0.8, 'pad': 0.5},
 }
 # Above the bar of a row, whose ends may have texts of their own.
 _ABOVE = {**_NOTE, 'ha': 'center', 'va': 'bottom'}
+# A bar ends where its data do.
+_BUTT: dict[str, Any] = {'solid_capstyle': 'butt'}
 # Stretches of a row with a text of their own.
 _MOST_GAPS = 2
-_DOTS_PER_INCH = 110
-_WIDTH = 8.0
 # What is left out is told in the title.
 _MOST_ROWS, _MOST_PANELS = 60, 12
 _COLUMNS = 2
@@ -73,12 +67,7 @@ def draw_rules(path: Path, constraints: Constraints, values: np.ndarray | None =
     Raises:
         DataError: none of the samples can be judged.
     """
-    figure = rules_figure(constraints, values)
-    try:
-        with replacing(path, PICTURE) as draft:
-            figure.savefig(draft, dpi=_DOTS_PER_INCH, format='png')
-    finally:
-        plt.close(figure)
+    save_figure(rules_figure(constraints, values), path)
 
 
 def rules_figure(constraints: Constraints, values: np.ndarray | None = None) -> Figure:
@@ -110,12 +99,12 @@ def rules_figure(constraints: Constraints, values: np.ndarray | None = None) -> 
     rows = _rows(rule_set, single)
     panels = [rule for rule in enabled if len(_by_subject(rule)) > 1]
     shown = _most_certain(constraints, panels)
-    heights = [0.34 * min(len(rows), _MOST_ROWS) + 1.5]
+    heights = [0.4 * min(len(rows), _MOST_ROWS) + 1.5]
     if shown:
         heights.append(3.7 * _lines(shown) + 0.8)
     # Names of features are no formulas, whatever signs are in them.
     with plt.rc_context({'text.parse_math': False}):
-        figure = plt.figure(figsize=(_WIDTH, sum(heights)), layout='constrained')
+        figure = plt.figure(figsize=(FIGURE_WIDTH, sum(heights)), layout='constrained')
         parts = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
         _draw_rows(parts[0], rule_set, rows, values)
         if shown:
@@ -135,15 +124,6 @@ def _values(subject: Subject, samples: np.ndarray) -> np.ndarray:
     """Return (n,) the number of each sample that is compared with the bound."""
     members, which = subject
     return (np.min if which < 0 else np.max)(samples[:, list(members)], axis=1)
-
-
-def _name(subject: Subject, space: FeatureSpace) -> str:
-    """Return the words beside an axis: what, and its unit."""
-    members, which = subject
-    feature = space.features[members[0]]
-    extreme = {-1: f'smallest {feature.family}', 1: f'largest {feature.family}'}
-    unit = '' if feature.unit == '1' else f' [{feature.unit}]'
-    return printable(extreme.get(which, feature.name) + unit)
 
 
 def _demonstrated(subject: Subject, rule_set: RuleSet) -> tuple[float, float]:
@@ -193,13 +173,23 @@ def _draw_rows(
         for number, subject in enumerate(row.subjects):
             at = place + (number - (len(row.subjects) - 1) / 2) * 0.36
             if values is None:
-                axis.plot([0.0, (high - low) / width], [at, at], color='#bbbbbb', lw=3, zorder=1)
+                axis.plot(
+                    [0.0, (high - low) / width], [at, at], color='#bbbbbb', lw=3, zorder=1, **_BUTT
+                )
                 continue
             points = np.percentile(_values(subject, values), [0, 1, 25, 75, 99, 100])
             points = (points - low) / width
-            axis.plot(points[[0, 5]], [at, at], color='#bbbbbb', lw=2, zorder=1)
-            axis.plot(points[[1, 4]], [at, at], color=_SAFE, lw=3, alpha=0.5, zorder=2)
-            axis.plot(points[[2, 3]], [at, at], color=_SAFE, lw=7, zorder=3)
+            axis.plot(points[[0, 5]], [at, at], color='#bbbbbb', lw=2, zorder=1, **_BUTT)
+            axis.plot(points[[1, 4]], [at, at], color=SAFE, lw=3, alpha=0.5, zorder=2, **_BUTT)
+            axis.plot(points[[2, 3]], [at, at], color=SAFE, lw=7, zorder=3, **_BUTT)
+        below = -5 if len(row.subjects) == 1 else -9
+        # Beside the lines of bounds, which are likely to be here.
+        for share, end, side in ((0.0, low, 'left'), ((high - low) / width, high, 'right')):
+            axis.annotate(
+                f'{end:.3g}', (share, place), (3 if side == 'left' else -3, below),
+                textcoords='offset points', ha=side, va='top', fontsize=7, color=NEUTRAL,
+                zorder=5, bbox=_NOTE['bbox'],
+            )  # fmt: skip
         gaps = sum(len(_by_subject(rule)[subject]) > 1 for subject, rule in row.rules)
         for subject, rule in row.rules:
             literals = _by_subject(rule)[subject]
@@ -209,28 +199,26 @@ def _draw_rows(
         if gaps > _MOST_GAPS:
             axis.text(0.5, place - 0.14, f'{gaps} rules between two bounds each', **_ABOVE)
         both = 'smallest and ' if len(row.subjects) > 1 else ''
-        labels.append(both + _name(row.subjects[-1], rule_set.space))
+        labels.append(both + subject_label(row.subjects[-1], rule_set.space))
     axis.set_yticks(range(len(shown)), ['\n'.join(textwrap.wrap(each, 30)) for each in labels])
     axis.tick_params(labelsize=8)
     axis.set_ylim(len(shown) - 0.4, -0.6)
     axis.set_xlim(-0.5, 1.5)
-    axis.set_xlabel('share of the demonstrated range of the feature or family', fontsize=9)
+    axis.set_xlabel('share of the demonstrated range, whose ends are below each bar', fontsize=9)
     title = 'Rules about one feature or family'
     if len(shown) < len(rows):
         title += f' ({len(shown)} of {len(rows)} rows)'
-    axis.set_title(title, fontsize=10)
+    axis.set_title(title, fontsize=11)
     if values is None:
         handles = [Line2D([], [], color='#bbbbbb', lw=3, label='demonstrated range')]
     else:
         handles = [
-            Line2D([], [], color=_SAFE, lw=7, label='middle half of the demonstrations'),
-            Line2D([], [], color=_SAFE, lw=3, alpha=0.5, label='98%'),
+            Line2D([], [], color=SAFE, lw=7, label='middle half of the demonstrations'),
+            Line2D([], [], color=SAFE, lw=3, alpha=0.5, label='98%'),
             Line2D([], [], color='#bbbbbb', lw=2, label='all'),
         ]
     handles.append(
-        Line2D(
-            [], [], color=_VIOLATED, lw=2, label='bound: violated beyond (triangle: farther out)'
-        )
+        Line2D([], [], color=VIOLATED, lw=2, label='bound: violated beyond (triangle: farther out)')
     )
     part.legend(handles=handles, loc='outside lower center', ncols=4, fontsize=7.5, frameon=False)
 
@@ -250,22 +238,23 @@ def _draw_bounds(
     shares = [min(max(at, -_BEYOND), 1.0 + _BEYOND) for _, at in bounds]
     for (_, at), share in zip(bounds, shares, strict=True):
         if at == share:
-            axis.plot([share, share], [place - 0.38, place + 0.38], color=_VIOLATED, lw=2, zorder=4)
+            axis.plot([share, share], [place - 0.38, place + 0.38], color=VIOLATED, lw=2, zorder=4)
         else:
             # Too far away to be drawn true to scale.
             marker = '<' if at < share else '>'
-            axis.plot(share, place, marker, color=_VIOLATED, ms=6, zorder=4)
+            axis.plot(share, place, marker, color=VIOLATED, ms=6, zorder=4)
     text = f'{rule_id}: {" and ".join(texts)}'
     if len(bounds) > 1:
         span = min(shares), max(shares)
-        _draw_box(axis, [span, (place - 0.38, place + 0.38)], color=_VIOLATED, alpha=0.35, lw=0)
+        _draw_box(axis, [span, (place - 0.38, place + 0.38)], color=VIOLATED, alpha=0.35, lw=0)
         if rule_id:
             axis.text(sum(span) / 2, place - 0.14, text, **_ABOVE)
     else:
         is_left = bounds[0][0].is_upper
         axis.annotate(
-            text, (shares[0], place), (-6 if is_left else 6, 0), textcoords='offset points',
-            ha='right' if is_left else 'left', va='center', **_NOTE,
+            # Above the bar, which may reach beyond the bound.
+            text, (shares[0], place), (-5 if is_left else 5, 4), textcoords='offset points',
+            ha='right' if is_left else 'left', va='bottom', **_NOTE,
         )  # fmt: skip
 
 
@@ -293,7 +282,7 @@ def _draw_panels(
     title = 'Rules with conditions'
     if len(shown) < total:
         title += f' ({len(shown)} of {total}: those with the most evidence, else the first)'
-    part.suptitle(title, fontsize=10)
+    part.suptitle(title, fontsize=11)
     axes = np.ravel(part.subplots(_lines(shown), _COLUMNS, squeeze=False))
     others = False
     for axis, rule in zip(axes, shown, strict=False):
@@ -301,16 +290,16 @@ def _draw_panels(
     for axis in axes[len(shown) :]:
         axis.remove()
     handles: list[Patch | Line2D] = [
-        Patch(fc=(*mpl.colors.to_rgb(_VIOLATED), 0.25), ec=_VIOLATED, hatch='///', lw=0,
+        Patch(fc=(*mpl.colors.to_rgb(VIOLATED), 0.25), ec=VIOLATED, hatch='///', lw=0,
               label='forbidden corner'),
-        Line2D([], [], color=_VIOLATED, lw=1.5, label='bound'),
+        Line2D([], [], color=VIOLATED, lw=1.5, label='bound'),
     ]  # fmt: skip
     if others:
-        handles.append(Patch(fc='none', ec=_VIOLATED, ls=':', label='corner of another rule'))
+        handles.append(Patch(fc='none', ec=VIOLATED, ls=':', label='corner of another rule'))
     if values is None:
-        handles.append(Patch(fc='none', ec=_SAFE, ls='--', label='demonstrated ranges'))
+        handles.append(Patch(fc='none', ec=SAFE, ls='--', label='demonstrated ranges'))
     else:
-        handles.append(Patch(color=_SAFE, label='demonstrations (darker: more time)'))
+        handles.append(Patch(color=SAFE, label='demonstrations (darker: more time)'))
     part.legend(handles=handles, loc='outside lower center', ncols=4, fontsize=8, frameon=False)
 
 
@@ -331,7 +320,7 @@ def _draw_panel(
     scales = [_Scale.of(subject, literals[subject], rule_set, values) for subject in drawn]
     if values is None:
         ranges = [_demonstrated(subject, rule_set) for subject in drawn]
-        _draw_box(axis, ranges, fc='none', ec=_SAFE, ls='--', lw=1.0)
+        _draw_box(axis, ranges, fc='none', ec=SAFE, ls='--', lw=1.0)
     elif len(values):
         x, y = (scale.edges for scale in scales)
         points = np.stack([_values(subject, values) for subject in drawn], axis=1)
@@ -341,7 +330,7 @@ def _draw_panel(
     corner = [
         scale.covered(literals[subject]) for scale, subject in zip(scales, drawn, strict=True)
     ]
-    _draw_box(axis, corner, fc=(*mpl.colors.to_rgb(_VIOLATED), 0.25), ec=_VIOLATED, hatch='///',
+    _draw_box(axis, corner, fc=(*mpl.colors.to_rgb(VIOLATED), 0.25), ec=VIOLATED, hatch='///',
               lw=0)  # fmt: skip
     others = [_by_subject(other) for other in shown if other is not rule]
     others = [other for other in others if other.keys() == literals.keys() and not rest]
@@ -349,7 +338,7 @@ def _draw_panel(
         spans = [
             scale.covered(other[subject]) for scale, subject in zip(scales, drawn, strict=True)
         ]
-        _draw_box(axis, spans, fc='none', ec=_VIOLATED, ls=':', lw=1.0)
+        _draw_box(axis, spans, fc='none', ec=VIOLATED, ls=':', lw=1.0)
     for vertical, subject, span in zip((True, False), drawn, corner, strict=True):
         _draw_limits(axis, literals[subject], span, vertical=vertical)
     axis.set_xlim(scales[0].low, scales[0].high)
@@ -357,8 +346,8 @@ def _draw_panel(
     for scale, which in zip(scales, (axis.xaxis, axis.yaxis), strict=True):
         if scale.kinds:
             which.set_ticks(scale.kinds, [f'{kind:g}' for kind in scale.kinds])
-    axis.set_xlabel(_name(drawn[0], space), fontsize=8)
-    axis.set_ylabel(_name(drawn[1], space), fontsize=8)
+    axis.set_xlabel(subject_label(drawn[0], space), fontsize=8)
+    axis.set_ylabel(subject_label(drawn[1], space), fontsize=8)
     axis.tick_params(labelsize=8)
     condition = [one for subject in rest for one in literals[subject]]
     axis.set_title(_title(constraints, rule, condition), fontsize=8, loc='left', pad=14)
@@ -485,16 +474,16 @@ def _draw_limits(
     for literal in literals:
         at = span[1] if literal.is_upper else span[0]
         text = f'{literal.operator} {literal.bound:.4g}'
-        style: dict[str, Any] = {'color': _VIOLATED, 'fontsize': 8}
+        style: dict[str, Any] = {'color': VIOLATED, 'fontsize': 8}
         # Two of them grow away from each other.
         is_single = len(literals) == 1
         if vertical:
-            axis.axvline(at, color=_VIOLATED, lw=1.5)
+            axis.axvline(at, color=VIOLATED, lw=1.5)
             side = 'center' if is_single else 'left' if literal.is_upper else 'right'
             across = axis.get_xaxis_transform()
             axis.text(at, 1.01, text, ha=side, va='bottom', transform=across, **style)
         else:
-            axis.axhline(at, color=_VIOLATED, lw=1.5)
+            axis.axhline(at, color=VIOLATED, lw=1.5)
             side = 'center' if is_single else 'bottom' if literal.is_upper else 'top'
             across = axis.get_yaxis_transform()
             axis.text(1.01, at, text, ha='left', va=side, transform=across, **style)

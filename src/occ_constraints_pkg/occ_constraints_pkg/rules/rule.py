@@ -23,6 +23,20 @@ Subject = tuple[tuple[int, ...], int]
 Side = tuple[int | tuple[int, ...], bool]
 
 
+def subject_label(subject: Subject, space: FeatureSpace) -> str:
+    """Return the words beside an axis of a picture: what, and its unit.
+
+    Args:
+        subject: of the literals drawn.
+        space: of the features.
+    """
+    members, which = subject
+    feature = space.features[members[0]]
+    extreme = {-1: f'smallest {feature.family}', 1: f'largest {feature.family}'}
+    unit = '' if feature.unit == '1' else f' [{feature.unit}]'
+    return printable(extreme.get(which, feature.name) + unit)
+
+
 @dataclass(frozen=True)
 class Literal:
     """A comparison of one feature, or of any member of a family, with a bound.

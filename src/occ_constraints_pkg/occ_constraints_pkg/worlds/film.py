@@ -4,14 +4,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-
-import matplotlib as mpl
-
-mpl.use('Agg')
 
 import numpy as np
 from matplotlib import animation
@@ -24,6 +20,7 @@ from scipy.spatial import ConvexHull
 
 from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.files import GIF, MP4, PICTURE, Kind, replacing
+from occ_constraints_pkg.picture_style import DOTS_PER_INCH, SAFE, VIOLATED, legend_below
 from occ_constraints_pkg.worlds.base import World
 from occ_constraints_pkg.worlds.geometry import matrix_of
 from occ_constraints_pkg.worlds.stream import EpisodeStream
@@ -31,15 +28,17 @@ from occ_constraints_pkg.worlds.view import Thing
 
 COLOURS = {
     'goal': '#6aa84f',
-    'hazard': '#b9a3d3',
+    'hazard': '#9d86c2',
     'pillar': '#4c4c8c',
     'vase': '#3fa7b5',
     'box': '#e0b03a',
     'robot': '#222222',
 }
-_PATH, _COST = '#3b6ea5', '#c8362b'
 _SEE_THROUGH = {'goal': 0.35, 'hazard': 0.6}
-_DOTS_PER_INCH = 80
+# Not by colour alone.
+_HATCHES = {'hazard': '////'}
+# Of a film, which would else be large.
+_FILM_DOTS_PER_INCH = 80
 _FRAMES_PER_SECOND = 12
 _WRITERS = {'.gif': 'pillow', '.mp4': 'ffmpeg'}
 _KINDS = {'.png': PICTURE, '.gif': GIF, '.mp4': MP4}
@@ -90,13 +89,13 @@ def draw_episode(
         with replacing(path, kind) as draft:
             if suffix == '.png':
                 stage.show(len(moments) - 1)
-                stage.figure.savefig(draft, format='png', dpi=_DOTS_PER_INCH)
+                stage.figure.savefig(draft, format='png', dpi=DOTS_PER_INCH)
             else:
                 # In simulated time, rounded to whole steps per frame.
                 stride = max(1, round(1 / (_FRAMES_PER_SECOND * world.step_seconds)))
                 frames = range(0, len(moments), stride)
                 writer = animation.writers[_WRITERS[suffix]](fps=1 / (stride * world.step_seconds))  # type: ignore[arg-type]
-                with writer.saving(stage.figure, str(draft), _DOTS_PER_INCH):
+                with writer.saving(stage.figure, str(draft), _FILM_DOTS_PER_INCH):
                     for number, index in enumerate(frames, start=1):
                         stage.show(index)
                         writer.grab_frame()
@@ -147,7 +146,36 @@ def draw_things(axis: Axes, things: Sequence[Thing]) -> list[Artist]:
 
 
 def _look(kind: str) -> dict[str, Any]:
-    return {'color': COLOURS[kind], 'alpha': _SEE_THROUGH.get(kind, 1.0), 'lw': 0}
+    look = {'fc': COLOURS[kind], 'alpha': _SEE_THROUGH.get(kind, 1.0), 'lw': 0}
+    # The edge has the colour of the hatching.
+    return {**look, 'hatch': _HATCHES[kind], 'ec': 'white'} if kind in _HATCHES else look
+
+
+def draw_past_goals(axis: Axes, goals: Sequence[Thing]) -> list[Artist]:
+    """Draw goals that were reached as dashed circles, and return the artists."""
+    look = {'fc': 'none', 'ec': COLOURS['goal'], 'ls': '--', 'lw': 1}
+    return [
+        axis.add_patch(Circle(tuple(goal.position[:2]), goal.size[0] / 2, **look)) for goal in goals
+    ]
+
+
+def path_handles(bad: str) -> list[Artist]:
+    """Return legend entries of a path: its start, and where it is bad.
+
+    Args:
+        bad: what the marked stretches are.
+    """
+    return [
+        Line2D([], [], color='black', marker='o', ls='', ms=6, label='start'),
+        Line2D([], [], color=SAFE, lw=1.4, label='path'),
+        Line2D([], [], color=VIOLATED, marker='.', ls='', ms=8, label=bad),
+        Patch(fc='none', ec=COLOURS['goal'], ls='--', label='goal reached'),
+    ]
+
+
+def thing_handles(kinds: Iterable[str]) -> list[Artist]:
+    """Return legend entries of kinds of things."""
+    return [Patch(label=kind, **_look(kind)) for kind in kinds]
 
 
 def _drive(
@@ -172,16 +200,16 @@ class _Stage:
         self._name, self._moments = name, moments
         self._places = np.array([_robot(moment).position[:2] for moment in moments])
         self._costly = np.diff([moment.cost for moment in moments], prepend=0.0) > 0
-        self.figure, self._axis = plt.subplots(figsize=(6, 6.2))
+        self._past = _goals_before(moments)
+        self.figure, self._axis = plt.subplots(figsize=(7.0, 7.6), layout='constrained')
         reach = max(_ARENA, float(np.abs(self._places).max())) + 0.2
         self._axis.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect='equal')
         self._axis.set(xlabel='x [m]', ylabel='y [m]')
-        self._path = self._axis.plot([], [], color=_PATH, lw=1.2, zorder=3)[0]
-        self._costs = self._axis.plot([], [], '.', color=_COST, ms=4, zorder=4)[0]
-        kinds = dict.fromkeys(thing.kind for thing in moments[0].things)
-        handles: list[Artist] = [Patch(label=kind, **_look(kind)) for kind in kinds]
-        handles.append(Line2D([], [], color=_COST, marker='.', ls='', label='cost'))
-        self._axis.legend(handles=handles, loc='upper right', fontsize=8, framealpha=0.8)
+        self._axis.plot(*self._places[0], 'o', color='black', ms=6, zorder=3)
+        self._path = self._axis.plot([], [], color=SAFE, lw=1.4, zorder=3)[0]
+        self._costs = self._axis.plot([], [], '.', color=VIOLATED, ms=6, zorder=4)[0]
+        handles = thing_handles(dict.fromkeys(thing.kind for thing in moments[0].things))
+        legend_below(self.figure, [*handles, *path_handles('cost')])
         self._drawn: list[Artist] = []
 
     def show(self, index: int) -> None:
@@ -190,14 +218,29 @@ class _Stage:
         for artist in self._drawn:
             artist.remove()
         self._drawn = draw_things(self._axis, moment.things)
+        self._drawn += draw_past_goals(self._axis, self._past[index])
         places, costly = self._places[: index + 1], self._costly[: index + 1]
         self._path.set_data(*places.T)
         self._costs.set_data(*places[costly].T)
         self._axis.set_title(
             f'{self._name}, step {index}: return {moment.total:.1f}, cost {moment.cost:.0f}',
-            fontsize=10,
+            fontsize=11,
         )
 
 
 def _robot(moment: _Moment) -> Thing:
     return next(thing for thing in moment.things if thing.kind == 'robot')
+
+
+def _goals_before(moments: Sequence[_Moment]) -> list[list[Thing]]:
+    """Return for each moment the goals that were reached before."""
+    reached: list[Thing] = []
+    result = []
+    goal = None
+    for moment in moments:
+        now = next((thing for thing in moment.things if thing.kind == 'goal'), None)
+        if goal is not None and now is not None and not np.array_equal(goal.position, now.position):
+            reached.append(goal)
+        goal = now
+        result.append(list(reached))
+    return result

@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Sequence
 
-from occ_constraints_pkg.suggestion.heuristics import Candidate
+from occ_constraints_pkg.suggestion.candidate import Candidate
 
 # Ends of the ranges of members differ by at most this share of the family's range: of positions,
 # and of absolute values.

@@ -116,7 +116,9 @@ class Role:
         is_magnitude: whether only the absolute value counts.
         resolution: finer differences do not count; 0 where only the values can tell.
         steps: into so many its range is divided for want of a larger resolution.
-        drains: whether it falls as long as the robot works, as a battery.
+        harmless: no magnitude up to it is a danger, whatever was seen.
+        left: of what falls as long as the robot works, as a battery, how much of the least value
+            seen a next drive may still use; 0 for all else.
     """
 
     unit: str
@@ -124,24 +126,26 @@ class Role:
     is_magnitude: bool = False
     resolution: float = 0.0
     steps: int = 10
-    drains: bool = False
+    harmless: float = 0.0
+    left: float = 0.0
 
 
 ROLES = {
     'speed': Role('m/s', resolution=0.01, steps=20),
     'velocity': Role('m/s', 'above', is_magnitude=True, resolution=0.01),
     'vertical speed': Role('m/s', resolution=0.01, steps=20),
-    'turn rate': Role('rad/s', 'above', is_magnitude=True, resolution=0.01),
-    'acceleration': Role('m/s^2', 'above', is_magnitude=True, resolution=0.1),
-    'tilt': Role('rad', 'above', is_magnitude=True, resolution=0.02),
+    'turn rate': Role('rad/s', 'above', is_magnitude=True, resolution=0.01, harmless=0.1),
+    # More than gravity by an eighth of it.
+    'acceleration': Role('m/s^2', 'above', is_magnitude=True, resolution=0.1, harmless=11.0),
+    'tilt': Role('rad', 'above', is_magnitude=True, resolution=0.02, harmless=0.1),
     'angle': Role('rad', resolution=0.01, steps=20),
     'height': Role('m', resolution=0.01, steps=20),
     'distance': Role('m', 'below', resolution=0.01),
     'force': Role('N', 'above', is_magnitude=True),
     'torque': Role('N m', 'above', is_magnitude=True),
     'effort': Role('1', 'above', is_magnitude=True, steps=5),
-    'voltage': Role('V', 'below', drains=True),
-    'charge': Role('1', 'below', drains=True),
+    'voltage': Role('V', 'below', left=0.9),
+    'charge': Role('1', 'below', left=0.5),
     'current': Role('A', 'above', is_magnitude=True),
     'power': Role('W', 'above', is_magnitude=True),
     'temperature': Role('degC', 'above'),
@@ -149,7 +153,9 @@ ROLES = {
     'error': Role('1', 'above', is_magnitude=True, steps=5),
     'drive': Role('1', 'above', is_magnitude=True),
     'joint position': Role('rad', resolution=0.01, steps=20),
-    'joint speed': Role('rad/s', 'above', is_magnitude=True, resolution=0.01, steps=5),
+    'joint speed': Role(
+        'rad/s', 'above', is_magnitude=True, resolution=0.01, steps=5, harmless=0.1
+    ),
     'flag': Role('1', 'above'),
     'number': Role('1', steps=20),
 }
@@ -254,7 +260,7 @@ def meaning_of(path: str, topic: str, msgtype: str, series: Series) -> Meaning:
             return Meaning('', reason)
     if series.is_integer and series.is_constant:
         return Meaning('', 'a whole number that never changes')
-    if series.only_rises and not ROLES[role].drains:
+    if series.only_rises and not ROLES[role].left:
         way = 'rises' if series.values[-1] > series.values[0] else 'falls'
         return Meaning('', f'only {way}, as clocks, counters and sums do')
     return Meaning(role, is_command=commanded)

@@ -21,6 +21,8 @@ from occ_constraints_pkg.rosbag.recording import Recording
 
 # A feature that cannot be judged in more than this share of the rows is a problem.
 TOLERATED_SHARE = 0.05
+# A recording is looked at in so many parts, to see how much they differ.
+_PARTS = 8
 
 
 @dataclass(frozen=True)
@@ -33,6 +35,8 @@ class FeatureStatistics:
         median: median of those.
         size: median of their absolute values.
         high: largest of those.
+        parts: least and largest value in each of some parts of the recording, one after the other.
+        swings: how often it went from the upper quarter of its range to the lower one, or back.
         spread: from the first to the ninety-ninth percentile of those.
         missing: share of the rows in which the value is missing or not finite.
         outside: share of the rows in which it is outside its physical bounds.
@@ -48,6 +52,8 @@ class FeatureStatistics:
     median: float
     size: float
     high: float
+    parts: tuple[tuple[float, float], ...]
+    swings: int
     spread: float
     missing: float
     outside: float
@@ -257,6 +263,12 @@ def _feature_statistics(
         median=float(median),
         size=float(np.median(np.abs(good))) if good.size else np.nan,
         high=float(high),
+        parts=tuple(
+            (float(part.min()), float(part.max()))
+            for part in np.array_split(good, _PARTS)
+            if part.size
+        ),
+        swings=_swings(good, usual_low, usual_high),
         spread=float(usual_high - usual_low),
         missing=float(missing.mean()),
         outside=float(outside.mean()),
@@ -266,6 +278,13 @@ def _feature_statistics(
         ),
         first_problem=problem,
     )
+
+
+def _swings(values: np.ndarray, low: float, high: float) -> int:
+    """Return how often values go from the upper quarter of a range to the lower, or back."""
+    quarter = (high - low) / 4.0
+    sides = (values > high - quarter).astype(int) - (values < low + quarter)
+    return int(np.count_nonzero(np.diff(sides[sides != 0])))
 
 
 def _reason(

@@ -12,15 +12,15 @@ import numpy as np
 
 from occ_constraints_pkg.features.feature_map import FeatureMap
 from occ_constraints_pkg.rosbag.recording import Recording
-from occ_constraints_pkg.suggestion.doubts import clock_doubts_of, value_doubts_of
-from occ_constraints_pkg.suggestion.families import form_families
-from occ_constraints_pkg.suggestion.heuristics import (
-    KINDS,
-    Candidate,
-    candidates_of,
-    nice_above,
-    nice_below,
+from occ_constraints_pkg.suggestion.bounds import (
+    NOISE,
+    RESOLUTIONS,
+    is_hardly_known,
+    settle_bounds,
 )
+from occ_constraints_pkg.suggestion.candidate import KINDS, Candidate
+from occ_constraints_pkg.suggestion.doubts import clock_doubts_of, some_of, value_doubts_of
+from occ_constraints_pkg.suggestion.families import form_families
 from occ_constraints_pkg.suggestion.inspection import (
     TopicInspection,
     identifier,
@@ -30,6 +30,7 @@ from occ_constraints_pkg.suggestion.inspection import (
 from occ_constraints_pkg.suggestion.meanings import is_turning
 from occ_constraints_pkg.suggestion.robots import robots_of
 from occ_constraints_pkg.suggestion.statistics import MapRows, MapStatistics, map_rows
+from occ_constraints_pkg.suggestion.structure import candidates_of
 from occ_constraints_pkg.suggestion.tracking import tracking_errors
 
 # A feature that is missing in a larger share of the rows is suggested in a comment only.
@@ -38,20 +39,11 @@ _MISSING_SHARE = 0.2
 _MISSING_ERROR_SHARE = 0.005
 # A value constant for this share of the recording, and for so many seconds, is warned of.
 _STILL_SHARE, _STILL_S = 0.3, 2.0
-# What changes by less is noise, for example of a simulation, and not a movement.
-_NOISE = 0.002
-_RESOLUTIONS = {'m/s': 0.01, 'rad/s': 0.01, 'm/s^2': 0.1, 'm': 0.01, 'rad': 0.01}
-# Values are told apart in so many steps over their range.
-_STEPS = 20
-# A limit above is not told more finely than to this part of the usual value.
-_FINEST = 50
 # Which kind of topic becomes the trigger topic, first choice first.
 _PACES = (
     *('table', 'LaserScan', 'Odometry', 'joints', 'Imu', 'pose', 'velocity', 'motion', 'force'),
     *('Range', 'error', 'numbers', 'position', 'battery', 'command'),
 )
-# A drained battery is told below what was seen by this share of the usual value, and more.
-_DRAIN_SHARE = 0.02
 # Where one of these is measured, commands are comments; those of unknown types beside anything.
 _MOTION = {'table', 'Odometry', 'velocity', 'motion', 'joints'}
 _OTHERS = set(KINDS) - {'command'}
@@ -343,16 +335,8 @@ def _assess(
     _put_back(readable)
     form_families([item for item in readable if not item.aside and item.group])
     for item in readable:
-        if item.aside:
-            continue
-        if item.kind == 'Range':
-            _cap(item)
-        elif item.is_flag:
-            item.entry.setdefault('bounds', [0, None])
-        elif item.role is not None:
-            _limit(item)
-        elif 'sectors' not in item.entry and item.kind != 'table':
-            _round(item)
+        if not item.aside:
+            settle_bounds(item)
 
 
 def _put_back(candidates: Sequence[Candidate]) -> None:
@@ -376,83 +360,13 @@ def _flaw(item: Candidate) -> tuple[str, bool]:
         is_stuck = all(seen.is_constant and seen.low < seen.source.high for seen in item.seen)
         return ('constant in every sector', True) if is_stuck else ('', False)
     low, high = min(seen.low for seen in item.seen), max(seen.high for seen in item.seen)
-    least = 0.0 if item.kind == 'table' else _RESOLUTIONS.get(item.entry['unit'], _NOISE)
+    least = 0.0 if item.kind == 'table' else RESOLUTIONS.get(item.entry['unit'], NOISE)
     if item.role is not None and (not item.role.resolution or item.moves):
         least = 0.0
     if not high - low > least:
         within = f' within {least:g}' if least else ''
         return f'constant at {item.seen[0].median:.3g}{within}', True
     return '', False
-
-
-def _cap(item: Candidate) -> None:
-    """Make all that is further off than usual the same, so that no rule forbids open space."""
-    median, high = item.seen[0].median, max(seen.high for seen in item.seen)
-    cap = nice_below((median + high) / 2.0)
-    if math.isfinite(high) and 'bounds' in item.entry:
-        item.entry |= {'transform': [{'clip': [0, cap]}], 'bounds': [0, cap]}
-        item.remark += f', and more than {cap:g} m as {cap:g} m'
-
-
-def _round(item: Candidate) -> None:
-    """Give a measured quantity a resolution, so that no bound is a matter of noise."""
-    span = max(seen.high for seen in item.seen) - min(seen.low for seen in item.seen)
-    steps = item.entry.get('transform', [])
-    if not span > _NOISE or any(isinstance(step, dict) for step in steps):
-        return
-    # A jolt at the start, as of a simulation, says nothing of how finely values are to be told.
-    usual = max(seen.spread for seen in item.seen)
-    known = _RESOLUTIONS.get(item.entry['unit'], 0.0)
-    step = max(known, nice_above((usual or span) / _STEPS))
-    item.entry['transform'] = [*steps, {'round': step}]
-
-
-def _limit(item: Candidate) -> None:
-    """Give a quantity a resolution, and leave only the bounds that mean a danger."""
-    role, members = item.role, item.family_seen or item.seen
-    assert role is not None
-    steps = list(item.entry.get('transform', []))
-    low, high = min(seen.low for seen in members), max(seen.high for seen in members)
-    median = max(seen.median for seen in members)
-    if role.is_magnitude:
-        steps = [*(step for step in steps if step != 'abs'), 'abs']
-        low, high = (
-            (0.0 if low <= 0.0 <= high else min(abs(low), abs(high))),
-            max(abs(low), abs(high)),
-        )
-        median = max(seen.size for seen in members)
-    step = max(nice_above((high - low) / role.steps), role.resolution)
-    if role.side == 'above':
-        step = max(step, nice_above(median / _FINEST))
-    if role.drains:
-        # A drive shows a part of the way down, and the next one goes on from there.
-        end = low - (high - low) - abs(median) * _DRAIN_SHARE
-        size = 10.0 ** (math.floor(math.log10(max(abs(end), 1e-9))) - 2)
-        end = float(f'{math.floor(end / size) * size:.12g}')
-        item.entry |= {'transform': [*steps, {'clip': [None, end]}], 'bounds': [None, end]}
-        item.remark = (
-            f'more than {end:g} counts as {end:g}: the lowest that was shown, less what was used, '
-            'for the next drive goes on from there'
-        )
-        return
-    steps.append({'round': step})
-    count = round(median / step)
-    if role.side == 'above' and count * step > high:
-        count -= 1
-    elif role.side == 'below' and count * step < low:
-        count += 1
-    end = float(f'{count * step:.12g}')
-    if role.side == 'above':
-        steps.append({'clip': [end, None]})
-        item.entry['bounds'] = [end, None]
-    elif role.side == 'below':
-        steps.append({'clip': [None, end]})
-        item.entry['bounds'] = [None, end]
-    item.entry['transform'] = steps
-    if role.side != 'both':
-        way, other = ('less', 'below') if role.side == 'above' else ('more', 'above')
-        note = f'{way} than {end:g} counts as {end:g}, so that no rule is about values {other}'
-        item.remark = f'{item.remark}. {note[0].upper()}{note[1:]}' if item.remark else note
 
 
 def _compare(
@@ -484,7 +398,7 @@ def _compare(
                 f'{np.nanmax(own):.4g})'
             )
             shift = abs(float(np.nanmedian(own)) - float(np.nanmedian(first)))
-            drains = item.role is not None and item.role.drains
+            drains = item.role is not None and item.role.left > 0.0
             if not drains and shift > max(span, other) and 0.5 * span <= other <= 2.0 * span:
                 item.aside, changed = f'{what}: it differs by an offset only', True
                 break
@@ -531,6 +445,12 @@ def _warnings(
                 f'the poses of {name} are in the frame map, which jumps when the robot '
                 'relocalizes; they are not used'
             )
+    few = [item.entry['name'] for item in used if is_hardly_known(item)]
+    if few:
+        yield (
+            f'{some_of(few)} {"goes" if len(few) == 1 else "go"} to and fro too seldom to know '
+            'how far: record longer, or give more recordings, before anything is learned'
+        )
     for item in used:
         # As read, for a resolution makes a steady value of one that hardly changes.
         for part in () if item.is_flag else item.seen:

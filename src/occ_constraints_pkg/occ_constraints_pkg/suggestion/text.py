@@ -11,7 +11,7 @@ import textwrap
 from collections.abc import Sequence
 from typing import Any
 
-from occ_constraints_pkg.suggestion.heuristics import Candidate
+from occ_constraints_pkg.suggestion.candidate import Candidate
 from occ_constraints_pkg.suggestion.statistics import FeatureStatistics, MapStatistics
 from occ_constraints_pkg.suggestion.suggest import Suggestion
 from occ_constraints_pkg.terminal import printable

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from occ_constraints_pkg.suggestion.heuristics import Candidate
+from occ_constraints_pkg.suggestion.candidate import Candidate
 from occ_constraints_pkg.suggestion.meanings import ROLES, words_of
 
 # Roles of which a command and a measurement are compared.

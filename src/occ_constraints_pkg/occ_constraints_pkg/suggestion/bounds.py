@@ -21,7 +21,7 @@ _STEPS = 20
 _FINEST = 50
 # For a bound that is further from what was seen, there may be as few steps over the range; and
 # this part of the range is room enough.
-_FEWEST_STEPS, _MOST_ROOM = 5, 0.125
+_FEWEST_STEPS, _MOST_ROOM = 4, 0.2
 # A rule begins half a step beyond the rounded end of what was seen, which should not be less than
 # the end itself; a little less, for rounding of floats.
 _LEAST_ROOM = 0.499

@@ -53,6 +53,7 @@ class Candidate:
         replaced_by: the candidate that is used instead.
         part_of: what another candidate, with this word in ``once``, tells as well.
         moves: whether a vector changes, be its length as it may.
+        is_unreadable: whether some message does not allow to read it.
         is_extra: whether it is not worth a comment when it never changes.
         is_flag: whether the field is a flag or whole number that may stay the same, as a bumper's.
         is_doubtful: whether its meaning is not known.
@@ -74,6 +75,7 @@ class Candidate:
     replaced_by: Candidate | None = None
     part_of: str = ''
     moves: bool = False
+    is_unreadable: bool = False
     is_extra: bool = False
     is_flag: bool = False
     is_doubtful: bool = False
@@ -103,13 +105,19 @@ def plain_entry(
     return Candidate(entry, topic, kind)
 
 
-def elements_of(topic: TopicInspection, path: str) -> Iterator[tuple[str, Series]]:
+def elements_of(
+    topic: TopicInspection, path: str, *, rare: bool = False
+) -> Iterator[tuple[str, Series]]:
     """Yield the elements of an array of numbers that were seen, by their paths.
 
-    Those by number have to be in every message; those by name need not.
+    Args:
+        topic: what was seen of it.
+        path: of the array.
+        rare: yield those by number that are not in every message, instead of the others; those by
+            name need not be.
     """
     for place, series in topic.series.items():
-        if series.share < 1.0 and '=' not in place:
+        if rare is not (series.share < 1.0 and '=' not in place):
             continue
         if place.startswith(f'{path}[') and place.endswith(']') and '.' not in place[len(path) :]:
             yield place, series

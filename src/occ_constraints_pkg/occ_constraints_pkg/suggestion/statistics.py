@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -172,6 +172,34 @@ def map_statistics(
         *value_doubts(rows.values, feature_map.space),
     )
     return replace(rows.statistics(), warnings=(*rows.warnings, *doubts))
+
+
+def joint_statistics(rows: Sequence[MapRows]) -> MapStatistics:
+    """Return the statistics of the rows of one map on several recordings.
+
+    A first problem is told by the time from the start of the first recording.
+    """
+    parts = [item.statistics() for item in rows]
+    if len(parts) == 1:
+        return parts[0]
+    together = replace(
+        rows[0],
+        values=np.concatenate([item.values for item in rows]),
+        stamps_ns=np.concatenate([item.stamps_ns for item in rows]),
+        ages_ns=np.concatenate([item.ages_ns for item in rows]),
+        warnings=tuple(sentence for item in rows for sentence in item.warnings),
+    ).statistics()
+    return replace(
+        together,
+        duration_s=sum(part.duration_s for part in parts),
+        clock_jumps=sum(part.clock_jumps for part in parts),
+        features=tuple(
+            replace(
+                own, longest_still_s=max(part.features[place].longest_still_s for part in parts)
+            )
+            for place, own in enumerate(together.features)
+        ),
+    )
 
 
 def map_rows(

@@ -106,7 +106,7 @@ def _number(topic: TopicInspection, path: str, *, group: str = '') -> Iterator[C
     if not meaning.reason and not item.is_flag:
         item.remark = 'its message type does not tell the unit'
     if series.share < 1.0 and '=' not in path:
-        item.aside = item.aside or f'only {series.share:.0%} of the messages have it'
+        item.aside = item.aside or 'not every message has it'
     yield item
 
 
@@ -157,7 +157,7 @@ def _array(topic: TopicInspection, path: str, value: Any) -> Iterator[Candidate]
             tilt.aside = DEGREES
         yield tilt
     else:
-        for place, _ in elements:
+        for place, _ in [*elements, *elements_of(topic, path, rare=True)]:
             yield from _number(topic, place, group=_name(topic, path))
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.features.feature_map import FeatureMap
 from occ_constraints_pkg.rosbag.recording import Recording
 from occ_constraints_pkg.suggestion.bounds import (
@@ -29,7 +30,13 @@ from occ_constraints_pkg.suggestion.inspection import (
 )
 from occ_constraints_pkg.suggestion.meanings import is_turning
 from occ_constraints_pkg.suggestion.robots import robots_of
-from occ_constraints_pkg.suggestion.statistics import MapRows, MapStatistics, map_rows
+from occ_constraints_pkg.suggestion.statistics import (
+    FeatureStatistics,
+    MapRows,
+    MapStatistics,
+    joint_statistics,
+    map_rows,
+)
 from occ_constraints_pkg.suggestion.structure import candidates_of
 from occ_constraints_pkg.suggestion.tracking import tracking_errors
 
@@ -60,12 +67,12 @@ class Suggestion:
     Attributes:
         name: the recordings'.
         robot: namespace of the robot; empty for the only one.
-        pace: the trigger topic; None without a feature in use.
+        pace: the trigger topic; None if no topic has a message.
         max_age: seconds.
         candidates: entries in use and entries set aside.
         unused: topics without an entry, and why each has none.
         warnings: one sentence each.
-        seen: statistics of the entries in use on the first recording.
+        seen: statistics of the entries in use on all recordings.
     """
 
     name: str
@@ -135,7 +142,6 @@ def _suggest(
     _set_aside(candidates)
     _rename(candidates)
     used = [item for item in candidates if not item.aside]
-    told: list[str] = []
     if used:
         _assess(recordings, candidates, progress)
         candidates = _ordered(
@@ -143,17 +149,22 @@ def _suggest(
         )
         _rename(candidates)
         used = [item for item in candidates if not item.aside]
-    seen, pace, max_age = MapStatistics(0, 0.0, 0.0, 0, (), ()), None, 0.5
-    if used:
+    pace: TopicInspection | None
+    while used:
         pace, max_age = _alignment(used)
         feature_map = _map(used, pace, max_age)
         rows = [map_rows(item, feature_map, progress=progress) for item in recordings]
-        if len(rows) > 1 and _compare(used, rows, [item.name for item in recordings], told):
-            used = [item for item in used if not item.aside]
-            pace, max_age = _alignment(used)
-            feature_map = _map(used, pace, max_age)
-            rows = [map_rows(item, feature_map, progress=progress) for item in recordings]
-        seen = rows[0].statistics()
+        seen = joint_statistics(rows)
+        told, changed = _compare(used, rows, [item.name for item in recordings])
+        if not changed:
+            break
+        used = [item for item in used if not item.aside]
+    else:
+        seen, told = MapStatistics(0, 0.0, 0.0, 0, (), ()), []
+        pace, max_age = next((topic for topic in topics.values() if topic.count), None), 0.5
+        if candidates:
+            # For whoever uses one of them all the same.
+            pace, max_age = _alignment(candidates)
     named = {item.topic.name for item in candidates}
     return Suggestion(
         name=', '.join(recording.name for recording in recordings),
@@ -322,11 +333,16 @@ def _assess(
         # A rate is computed row by row, which takes long, and is only ever a comment.
         and 'rate' not in item.entry.get('transform', ())
     ]
-    feature_map = _map(readable, *_alignment(readable, pace))
-    found = [
-        map_rows(recording, feature_map, progress=progress).statistics().features
-        for recording in recordings
-    ]
+    try:
+        feature_map, found = _seen(recordings, readable, pace, progress)
+    except OccError:
+        _set_unreadable_aside(recordings, readable)
+        readable = [item for item in readable if not item.is_unreadable]
+        used = [item for item in readable if not item.aside]
+        if not used:
+            return
+        pace, _ = _alignment(used)
+        feature_map, found = _seen(recordings, readable, pace, progress)
     for item in readable:
         columns = _columns(item, feature_map)
         item.seen = tuple(features[column] for features in found for column in columns)
@@ -337,6 +353,41 @@ def _assess(
     for item in readable:
         if not item.aside:
             settle_bounds(item)
+
+
+def _seen(
+    recordings: Sequence[Recording],
+    readable: Sequence[Candidate],
+    pace: TopicInspection,
+    progress: Callable[[int, int], None] | None,
+) -> tuple[FeatureMap, list[tuple[FeatureStatistics, ...]]]:
+    """Return a map of candidates, and the statistics of its features on each recording."""
+    feature_map = _map(readable, *_alignment(readable, pace))
+    return feature_map, [
+        map_rows(recording, feature_map, progress=progress).statistics().features
+        for recording in recordings
+    ]
+
+
+def _set_unreadable_aside(recordings: Sequence[Recording], candidates: Sequence[Candidate]) -> None:
+    """Set aside what some message does not allow to be read, such as an array that is too short."""
+    for topic in {item.topic.name: item.topic for item in candidates}.values():
+        for recording in recordings:
+            _halve(recording, [item for item in candidates if item.topic is topic])
+
+
+def _halve(recording: Recording, candidates: Sequence[Candidate]) -> None:
+    """Set aside those of a topic's candidates that cannot be read from a recording."""
+    left = [item for item in candidates if not item.is_unreadable]
+    try:
+        if left:
+            map_rows(recording, _map(left, *_alignment(left)))
+    except OccError as error:
+        if len(left) > 1:
+            _halve(recording, left[: len(left) // 2])
+            _halve(recording, left[len(left) // 2 :])
+        else:
+            left[0].is_unreadable, left[0].aside = True, left[0].aside or str(error)
 
 
 def _put_back(candidates: Sequence[Candidate]) -> None:
@@ -370,14 +421,15 @@ def _flaw(item: Candidate) -> tuple[str, bool]:
 
 
 def _compare(
-    used: Sequence[Candidate], rows: Sequence[MapRows], names: Sequence[str], told: list[str]
-) -> bool:
+    used: Sequence[Candidate], rows: Sequence[MapRows], names: Sequence[str]
+) -> tuple[list[str], bool]:
     """Tell what would be flagged in one recording by the others; set aside mere offsets.
 
     Returns:
-        Whether something was set aside.
+        A sentence for each feature of which one recording shows more, and whether something was
+        set aside.
     """
-    changed = False
+    told, changed = [], False
     for item in used:
         places = _columns(item, rows[0].feature_map)
         columns = [part.values[:, places] for part in rows]
@@ -405,7 +457,7 @@ def _compare(
             strangers.append((strange, what))
         if strangers and not item.aside:
             told.append(_strangeness(strangers))
-    return changed
+    return told, changed
 
 
 def _strangeness(strangers: Sequence[tuple[float, str]]) -> str:

@@ -25,15 +25,16 @@ _NOT_TEXT = {'true', 'false', 'null', 'yes', 'no', 'on', 'off', 'y', 'n'}
 def suggestion_text(suggestion: Suggestion) -> str:
     """Return a suggested map as the text of a YAML file that loads as it is.
 
-    Without a feature in use it says why, and lacks what a map needs.
+    Without a feature in use it says why; it loads as soon as one is added.
     """
     pace, seen = suggestion.pace, suggestion.seen
     of_robot = f', robot {suggestion.robot}' if suggestion.robot else ''
     told = (
         f'{seen.rows} rows in {seen.duration_s:.1f} s, of which {seen.usable:.1%} can be judged. '
         'Read it, delete what does not matter, and uncomment what does.'
-        if pace is not None
-        else 'no feature can be used as it is. Uncomment what should be, and name the pace.'
+        if suggestion.used
+        else 'no feature can be used as it is. The map loads when one is added; each topic below '
+        'says what is in the way.'
     )
     lines = [
         *_comment(f'Suggested from {suggestion.name}{of_robot}: {told}'),

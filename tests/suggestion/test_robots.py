@@ -19,7 +19,7 @@ KINDS = [pytest.param(kind, marks=() if kind in QUICK else pytest.mark.slow) for
 
 @pytest.mark.parametrize('kind', KINDS)
 def test_the_next_drive_and_faults(tmp_path, kind):
-    found = try_kind(tmp_path, kind, (1, 2), 120.0)
+    found = try_kind(tmp_path, kind, (1, 2, 3), 120.0)
     assert found['maps'] == (2 if kind == 'two_robots' else 1)
     assert np.mean(found['flagged']) <= TOLERATED, found
     assert max(found['unknown']) <= TOLERATED

@@ -12,6 +12,8 @@ from occ_constraints_pkg.suggestion.inspection import inspect_topics
 from occ_constraints_pkg.suggestion.suggest import suggest, suggest_each
 from occ_constraints_pkg.suggestion.text import suggestion_text
 
+from experiments.robot_kinds.messages import make, write_messages
+
 START = 100 * 10**9
 TENTH = 10**8
 
@@ -158,7 +160,7 @@ def test_a_map_is_always_written(messages, write_bag, run_occ, tmp_path):
     few = [('/odom', messages.odometry(stamp_ns=START), START)]
     bag = write_bag([*few, *still])
     suggestion = suggest(Recording(bag))
-    assert (suggestion.used, suggestion.pace) == ([], None)
+    assert (suggestion.used, suggestion.pace.name) == ([], '/cmd_vel')
     reasons = aside(suggestion)
     assert reasons['commanded_speed'].startswith('constant at 0')
     assert {topic.name: reason for topic, reason in suggestion.unused} == {
@@ -167,7 +169,58 @@ def test_a_map_is_always_written(messages, write_bag, run_occ, tmp_path):
     code, out, err = run_occ(f'features suggest {bag} -o {tmp_path}/map.yaml')
     assert (code, out) == (1, f'0 features; written to {tmp_path}/map.yaml\n')
     assert 'no feature can be used as it is' in err
-    assert 'features: []' in (tmp_path / 'map.yaml').read_text()
+    text = (tmp_path / 'map.yaml').read_text()
+    assert 'features: []' in text
+    code, _, err = run_occ(f'features check {bag} {tmp_path}/map.yaml')
+    assert code == 2
+    assert 'features: the map has no feature, so nothing could be judged; add one' in err
+    # What a comment holds can be used all the same.
+    entry = '  - {name: speed, topic: cmd_vel, field: linear.x, unit: m/s}'
+    (tmp_path / 'map.yaml').write_text(text.replace('features: []', f'features:\n{entry}'))
+    code, out, _ = run_occ(f'features check {bag} {tmp_path}/map.yaml')
+    assert 'speed' in out
+
+
+def test_arrays_that_are_too_short_now_and_then(tmp_path):
+    """Elements that some messages lack are set aside with the reason, seen or not in the sample."""
+    for rare in ({3003}, {7, 3003}, {step for step in range(5000) if step % 9 == 0}):
+        messages = (
+            (step / 50, '/motors', motors(2 if step in rare else 4, step)) for step in range(5000)
+        )
+        suggestion = suggest(Recording(write_messages(tmp_path / f'{len(rare)}.mcap', messages)))
+        assert [item.entry['field'] for item in suggestion.used] == ['data[0]', 'data[1]']
+        reasons = aside(suggestion)
+        assert reasons.keys() >= {'motors_2', 'motors_3'}
+        for name in ('motors_2', 'motors_3'):
+            assert 'not every message has it' in reasons[name] or 'but data has 2' in reasons[name]
+
+
+def motors(count, step):
+    values = np.sin(np.arange(count) + step / 20).astype(np.float32)
+    return make('std_msgs/Float32MultiArray', data=values)
+
+
+def test_only_offsets(messages, write_bag):
+    """A map of which nothing is left, as all features differ by an offset, is written as well."""
+    bags = [
+        Recording(
+            write_bag(
+                [
+                    (
+                        '/height',
+                        messages.types['std_msgs/msg/Float64'](ground + math.sin(step / 9)),
+                        START + step * TENTH,
+                    )
+                    for step in range(100)
+                ],
+                name,
+            )
+        )
+        for name, ground in (('one', 20.0), ('two', 60.0))
+    ]
+    suggestion = suggest(*bags)
+    assert (suggestion.used, suggestion.seen.rows, suggestion.pace.name) == ([], 0, '/height')
+    assert 'offset' in aside(suggestion)['height']
 
 
 def test_inspection(messages, write_bag):
@@ -212,6 +265,8 @@ def test_several_recordings_are_used_together(messages, write_bag):
     (told,) = [text for text in suggestion.warnings if 'speed lies outside' in text]
     assert told.endswith('learn from both, or leave it out')
     assert suggestion.name == 'one, two'
+    assert 'one, two: 200 rows in 19.8 s' in suggestion_text(suggestion)
+    assert suggestion.seen.rows == 200
 
     third = flight('three', 20.0, 2.0)
     (told,) = [text for text in suggest(first, third, second).warnings if 'speed lies' in text]

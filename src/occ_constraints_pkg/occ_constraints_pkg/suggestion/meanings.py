@@ -140,7 +140,6 @@ ROLES = {
     'tilt': Role('rad', 'above', is_magnitude=True, resolution=0.02, harmless=0.1),
     'angle': Role('rad', resolution=0.01, steps=20),
     'height': Role('m', resolution=0.01, steps=20),
-    'depth': Role('m', 'above', resolution=0.01, steps=20),
     'distance': Role('m', 'below', resolution=0.01),
     'force': Role('N', 'above', is_magnitude=True),
     'torque': Role('N m', 'above', is_magnitude=True),
@@ -185,8 +184,7 @@ _ROLE_WORDS: tuple[tuple[str, frozenset[str]], ...] = (
     ('velocity', frozenset(('vx', 'vy', 'lateral', 'rate'))),
     ('tilt', frozenset(('roll', 'pitch', 'tilt', 'heel', 'inclination'))),
     ('angle', frozenset(('angle', 'steering', 'steer', 'rudder', 'trim'))),
-    ('depth', frozenset(('depth',))),
-    ('height', frozenset(('altitude', 'alt', 'height', 'elevation'))),
+    ('height', frozenset(('altitude', 'alt', 'height', 'depth', 'elevation'))),
     (
         'distance',
         frozenset(

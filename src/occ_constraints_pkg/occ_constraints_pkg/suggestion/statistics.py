@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from occ_constraints_pkg.datasets.blocks import BlockExtractor
-from occ_constraints_pkg.datasets.doubts import value_doubts
 from occ_constraints_pkg.datasets.extraction import rows_of
 from occ_constraints_pkg.datasets.source_doubts import source_doubts
 from occ_constraints_pkg.errors import DataError
+from occ_constraints_pkg.features.doubts import value_doubts
 from occ_constraints_pkg.features.extractor import FeatureExtractor
 from occ_constraints_pkg.features.feature_map import FeatureMap, topic_key
 from occ_constraints_pkg.features.sources import FeatureSource, Reading

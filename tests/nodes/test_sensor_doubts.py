@@ -66,7 +66,7 @@ def test_rest_is_not_frozen(messages):
 
 
 def test_a_still_member_of_a_family(messages):
-    scans = [np.array([0.18] * 4 + [2.0 + step / 100] * 4) for step in range(20)]
+    scans = [np.array([0.18] * 2 + [2.0 + step / 100] * 6) for step in range(20)]
     told = looked(messages, np.arange(20) / 100, scans)
     assert not any(told[:9])
     (sentence,) = told[-1]

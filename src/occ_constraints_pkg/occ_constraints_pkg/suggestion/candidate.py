@@ -49,6 +49,7 @@ class Candidate:
             could not be computed.
         role: what it measures; None where the values alone decide on steps.
         group: features that are one family if they behave alike; empty for none.
+        coupled: a joint or sensor whose dynamics tie this to all else with the same word here.
         once: of candidates with the same word here, one is used.
         replaced_by: the candidate that is used instead.
         part_of: what another candidate, with this word in ``once``, tells as well.
@@ -71,6 +72,7 @@ class Candidate:
     seen: tuple[FeatureStatistics, ...] = ()
     role: Role | None = None
     group: str = ''
+    coupled: str = ''
     once: str = ''
     replaced_by: Candidate | None = None
     part_of: str = ''

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
+from itertools import combinations
 
 from occ_constraints_pkg.suggestion.candidate import Candidate
 
@@ -35,6 +36,24 @@ def form_families(items: Sequence[Candidate]) -> None:
             for item in family:
                 item.entry['family'] = name
                 item.family_seen = seen
+
+
+def coupled_pairs(items: Sequence[Candidate]) -> list[tuple[str, str]]:
+    """Return what the dynamics of one joint or sensor tie together, by features or families.
+
+    A joint that moves lags behind its command, and effort moves it: combinations that never come
+    are no constraint of the robot's task.
+
+    Args:
+        items: all that are in use.
+    """
+    pairs: dict[tuple[str, str], None] = {}
+    for first, second in combinations(items, 2):
+        names = [str(item.entry.get('family', item.entry['name'])) for item in (first, second)]
+        is_tied = first.coupled and first.coupled == second.coupled and names[0] != names[1]
+        if is_tied and (names[1], names[0]) not in pairs:
+            pairs[names[0], names[1]] = None
+    return list(pairs)
 
 
 def _alike(members: Sequence[Candidate]) -> list[list[Candidate]]:

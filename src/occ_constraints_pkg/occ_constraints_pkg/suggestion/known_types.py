@@ -190,6 +190,7 @@ def _wrench(topic: TopicInspection, path: str) -> Iterator[Candidate]:
     for part, role in (('force', 'force'), ('torque', 'torque')):
         item = entry_of(topic, f'{stem}_{part}', f'{path}{part}|norm', role, 'force')
         item.remark = f'the norm of the {part}, whatever its direction'
+        item.coupled = topic.name
         yield item
 
 
@@ -257,6 +258,8 @@ def _joint_state(topic: TopicInspection, path: str) -> Iterator[Candidate]:
             name = f'{part}_{identifier(label_of(place))}'
             item = entry_of(topic, name, place, role, 'command' if commanded else 'joints')
             item.group = part
+            if part != 'position':
+                item.coupled = label_of(place)
             if not series.finite.size:
                 item.aside = 'it was never measured'
             elif part == 'position' and (

@@ -39,6 +39,8 @@ _MOST_NUMBERS = 8
 _DEEPEST = 4
 _COMMON = re.compile(r'(std|sensor|geometry|nav|trajectory|shape|stereo)_msgs/')
 _CONSTANT = re.compile(r'^u?int8\s+([A-Z][A-Z_0-9]*)\s*=\s*(\d+)', re.MULTILINE)
+# What moves a joint, and how fast.
+_DYNAMIC = [ROLES[role] for role in ('joint speed', 'effort', 'torque', 'current', 'drive')]
 # No robot is as fast, in m/s.
 _MOST_SPEED = 500.0
 
@@ -251,7 +253,10 @@ def _messages(topic: TopicInspection, path: str) -> Iterator[Candidate]:
     for place in list(topic.series):
         found = pattern.fullmatch(place)
         if found and '.' not in found[1]:
-            yield from _number(topic, place, group=_name(topic, f'{path}.{found[1]}'))
+            for item in _number(topic, place, group=_name(topic, f'{path}.{found[1]}')):
+                if item.role in _DYNAMIC:
+                    item.coupled = f'{topic.name} {place.rpartition(".")[0]}'
+                yield item
 
 
 def _events(topic: TopicInspection, path: str) -> Iterator[Candidate]:

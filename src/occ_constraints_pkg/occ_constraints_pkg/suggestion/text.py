@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from occ_constraints_pkg.suggestion.candidate import Candidate
+from occ_constraints_pkg.suggestion.families import coupled_pairs
 from occ_constraints_pkg.suggestion.statistics import FeatureStatistics, MapStatistics
 from occ_constraints_pkg.suggestion.suggest import Suggestion
 from occ_constraints_pkg.terminal import printable
@@ -61,6 +62,13 @@ def suggestion_text(suggestion: Suggestion) -> str:
             lines += ['', *_about(item)]
         lines += _item(item.entry)
         family = own
+    pairs = coupled_pairs(suggestion.used)
+    if pairs:
+        lines += [
+            '',
+            *_comment('Tied by the dynamics of a joint or sensor: no rule combines them.'),
+        ]
+        lines += ['apart:', *(f'- {_flow(list(pair))}' for pair in pairs)]
     aside = [item for item in suggestion.candidates if item.aside]
     if aside:
         lines += ['', *_comment('Not used, each for the reason given:')]

@@ -12,7 +12,11 @@ from occ_constraints_pkg.suggestion.inspection import inspect_topics
 from occ_constraints_pkg.suggestion.suggest import suggest, suggest_each
 from occ_constraints_pkg.suggestion.text import suggestion_text
 
+from experiments.any_robot import suggested_maps
+from experiments.robot_kinds import write_robot
+from experiments.robot_kinds.drives import Drive
 from experiments.robot_kinds.messages import make, write_messages
+from experiments.robot_kinds.parts import imus
 
 START = 100 * 10**9
 TENTH = 10**8
@@ -270,7 +274,7 @@ def test_several_recordings_are_used_together(messages, write_bag):
 
     third = flight('three', 20.0, 2.0)
     (told,) = [text for text in suggest(first, third, second).warnings if 'speed lies' in text]
-    assert 'of the rows of two (-3.2 to 3.2), and for no more of another recording' in told
+    assert 'of the rows of two (-3 to 3), and for no more of another recording' in told
     assert told.endswith('learn from all, or leave it out')
 
 
@@ -354,3 +358,76 @@ def test_real_robots(robots, bag, expected):
     feature_map = FeatureMap.from_document(parse_yaml(text, bag), bag, text=text)
     assert expected <= set(feature_map.names)
     assert suggestion.seen.usable > 0.95
+
+
+def test_numbers_in_the_texts_of_diagnostics(tmp_path):
+    """Each by its name and key, if the key tells what it is; nodes may publish in turn."""
+
+    def values(**texts):
+        return [
+            make('diagnostic_msgs/KeyValue', key=key, value=text) for key, text in texts.items()
+        ]
+
+    def messages():
+        for step in range(200):
+            for part, name in enumerate(('motor left', 'lidar')):
+                own = values(Temperature=f'{40 + step % 7} C', mode='AUTO', packets=str(step % 9))
+                status = make('diagnostic_msgs/DiagnosticStatus', name=name, values=own)
+                array = make('diagnostic_msgs/DiagnosticArray', status=[status])
+                yield step + part / 2, '/diagnostics', array
+
+    suggestion = suggest(Recording(write_messages(tmp_path / 'agv.mcap', messages())))
+    fields = {item.entry['name']: item.entry['field'] for item in suggestion.used}
+    assert fields['motor_left_temperature'] == (
+        'status[name=motor left].values[key=Temperature].value'
+    )
+    assert fields.keys() == {'motor_left_temperature', 'lidar_temperature'}
+    assert suggestion.seen.usable > 0.99
+    assert aside(suggestion)['lidar_packets'] == 'its key does not tell what it is'
+
+
+def test_altitude_by_satellite(tmp_path):
+    """Of what stays on the ground it is no feature, whatever the message; of what flies it is."""
+    for span, is_used in ((3.0, False), (60.0, True)):
+        fixes = (
+            (
+                step / 5,
+                '/fix',
+                make(
+                    'sensor_msgs/NavSatFix',
+                    latitude=47.0 + 1e-5 * math.sin(step / 7),
+                    altitude=430.0 + span / 2 * math.sin(step / 9),
+                ),
+            )
+            for step in range(300)
+        )
+        suggestion = suggest(Recording(write_messages(tmp_path / f'{span}.mcap', fixes)))
+        assert ('altitude' in [item.entry['name'] for item in suggestion.used]) is is_used
+
+
+def test_the_imu_of_the_body_is_used(tmp_path):
+    messages = (
+        item
+        for number, part in enumerate(('head', 'pelvis', 'left_foot'))
+        for item in imus(Drive(number, '', 20.0), f'/{part}/imu')
+    )
+    suggestion = suggest(Recording(write_messages(tmp_path / 'imus.mcap', messages)))
+    assert {item.topic.name for item in suggestion.used} == {'/pelvis/imu'}
+
+
+def test_what_the_dynamics_of_a_joint_tie_together_is_kept_apart(tmp_path):
+    (feature_map,) = suggested_maps(write_robot(tmp_path, 'ground', 1, seconds=30.0))
+    assert feature_map.apart == (('speed', 'speed_error'), ('turn_rate', 'turn_rate_error'))
+
+
+def test_standing_still_is_allowed(messages, write_bag):
+    """Also where the robot never did; driving backwards is not, where it was seen to stand."""
+    for least, rules_below in ((0.0, True), (0.5, False)):
+        entries = []
+        for step in range(400):
+            now, speed = START + step * TENTH, least + 0.5 + 0.5 * math.sin(step / 5)
+            entries.append(('/odom', messages.odometry(stamp_ns=now, x=speed), now))
+        _, text, feature_map = found(write_bag, entries, f'bag{least}')
+        has_clip = any(step[0] == 'clip' for step in feature_map.features[0].transform)
+        assert has_clip is not rules_below
+        assert ('it never stood still here' in text.replace('\n# ', ' ').lower()) is has_clip

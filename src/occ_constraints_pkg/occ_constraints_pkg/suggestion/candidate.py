@@ -86,6 +86,12 @@ class Candidate:
     family_seen: tuple[FeatureStatistics, ...] = ()
     name: str = ''
 
+    @property
+    def slow_period_s(self) -> float:
+        """The longest usual time between messages that have it."""
+        series = self.topic.series.get(str(self.entry.get('field')))
+        return self.topic.slow_period_s / (1.0 if series is None else series.share)
+
     def __post_init__(self) -> None:
         self.name = self.name or self.entry['name']
 

@@ -24,10 +24,10 @@ def form_families(items: Sequence[Candidate]) -> None:
     Args:
         items: candidates with a group, whose values were looked at.
     """
-    groups: dict[tuple[str, str], list[Candidate]] = defaultdict(list)
+    groups: dict[tuple[str, str, str], list[Candidate]] = defaultdict(list)
     for item in items:
-        groups[item.topic.name, item.group].append(item)
-    for (_, group), members in groups.items():
+        groups[item.topic.name, item.group, item.entry['unit']].append(item)
+    for (_, group, _), members in groups.items():
         families = _alike(members)
         shared = [family for family in families if len(family) > 1]
         for family in shared:

@@ -24,7 +24,7 @@ from occ_constraints_pkg.suggestion.candidate import (
     vector_moves,
 )
 from occ_constraints_pkg.suggestion.inspection import Series, TopicInspection, identifier
-from occ_constraints_pkg.suggestion.meanings import is_command, is_turning
+from occ_constraints_pkg.suggestion.meanings import is_command, is_turning, slides
 from occ_constraints_pkg.suggestion.nice_numbers import nice_above, nice_below
 
 _SECTORS = 8
@@ -144,9 +144,11 @@ def _laser_scan(topic: TopicInspection) -> Iterator[Candidate]:
 
 def _imu(topic: TopicInspection, path: str) -> Iterator[Candidate]:
     for axis in 'xy':
-        yield plain_entry(
+        push = plain_entry(
             topic, f'acceleration_{axis}', f'{path}linear_acceleration.{axis}', 'm/s^2', 'Imu'
         )
+        push.remark = 'the same to both sides; delete abs to tell them apart'
+        yield _magnitude(push)
     turn = _magnitude(plain_entry(topic, 'gyro_z', f'{path}angular_velocity.z', 'rad/s', 'Imu'))
     turn.once = 'gyro_z'
     yield turn
@@ -227,14 +229,7 @@ def _fix(topic: TopicInspection, path: str) -> Iterator[Candidate]:
     height = entry_of(topic, 'altitude', f'{path}altitude', 'height', 'position')
     height.remark = 'above the ellipsoid: valid at this place only'
     height.once = 'height'
-    series = topic.series[f'{path}altitude']
-    if not series.high - series.low > _SATELLITE_ERROR_M:
-        height.aside = (
-            f'it stays within {_SATELLITE_ERROR_M:g} m, by which satellite altitudes are off '
-            'from day to day'
-        )
-    elif series.only_rises:
-        height.aside = 'it only rises or only falls here, so its limits were not seen'
+    height.aside = altitude_flaw(topic.series[f'{path}altitude'])
     yield height
     state = entry_of(topic, f'{topic.stem}_fix', f'{path}status.status', 'flag', 'position')
     state.entry |= {'transform': [{'clip': [-1, 0]}], 'bounds': [-1, 0]}
@@ -245,6 +240,18 @@ def _fix(topic: TopicInspection, path: str) -> Iterator[Candidate]:
         item = plain_entry(topic, name, f'{path}{name}', '1', 'position')
         item.aside = 'a coordinate on the map: rules about it are valid only at this place'
         yield item
+
+
+def altitude_flaw(series: Series) -> str:
+    """Say why an altitude by satellite is no feature; empty for one of something that flies."""
+    if not series.high - series.low > _SATELLITE_ERROR_M:
+        return (
+            f'it stays within {_SATELLITE_ERROR_M:g} m, by which satellite altitudes are off from '
+            'day to day'
+        )
+    if series.only_rises:
+        return 'it only rises or only falls here, so its limits were not seen'
+    return ''
 
 
 def _joint_state(topic: TopicInspection, path: str) -> Iterator[Candidate]:
@@ -260,6 +267,8 @@ def _joint_state(topic: TopicInspection, path: str) -> Iterator[Candidate]:
             item.group = part
             if part != 'position':
                 item.coupled = label_of(place)
+            if part != 'effort' and slides(place):
+                item.entry['unit'] = 'm' if part == 'position' else 'm/s'
             if not series.finite.size:
                 item.aside = 'it was never measured'
             elif part == 'position' and (

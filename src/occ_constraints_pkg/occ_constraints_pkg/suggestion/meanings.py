@@ -24,7 +24,7 @@ _NO_FEATURES: tuple[tuple[frozenset[str], str], ...] = (
         frozenset(
             (
                 *('timestamp', 'time', 'stamp', 'sec', 'secs', 'nsec', 'nanosec', 'usec', 'clock'),
-                *('uptime', 'date', 'tick', 'ticks', 'timeout', 'utc', 'epoch', 'runtime'),
+                *('uptime', 'date', 'timeout', 'utc', 'epoch', 'runtime'),
                 *('elapsed', 'seconds', 'nanoseconds', 'microseconds', 'milliseconds', 'millis'),
             )
         ),
@@ -34,7 +34,17 @@ _NO_FEATURES: tuple[tuple[frozenset[str], str], ...] = (
         frozenset(
             (
                 *('counter', 'count', 'cnt', 'counts', 'seq', 'sequence', 'index', 'idx', 'num'),
-                *('number', 'cycle', 'cycles', 'odometer', 'tachometer', 'encoder', 'traveled'),
+                *(
+                    'tick',
+                    'ticks',
+                    'number',
+                    'cycle',
+                    'cycles',
+                    'odometer',
+                    'tachometer',
+                    'encoder',
+                    'traveled',
+                ),
                 *('travelled', 'drawn', 'consumed', 'discharged', 'regen', 'total', 'frames'),
             )
         ),
@@ -78,6 +88,7 @@ _NO_FEATURES: tuple[tuple[frozenset[str], str], ...] = (
                     'east',
                 ),
                 *('north', 'heading', 'yaw', 'course', 'cog', 'azimuth', 'bearing', 'track'),
+                *('hdg', 'compass'),
             )
         ),
         _ON_THE_MAP,
@@ -104,6 +115,11 @@ _HAZARDS = {
 
 # Joints that turn without end.
 _TURNING = {'wheel', 'rotor', 'propeller', 'caster', 'roller'}
+# Joints that slide: m, not rad.
+_SLIDING = {
+    *('lift', 'slide', 'slider', 'prismatic', 'rail', 'linear', 'telescope', 'extension'),
+    *('elevator', 'gantry', 'finger'),
+}
 
 
 @dataclass(frozen=True)
@@ -156,13 +172,15 @@ ROLES = {
     'joint speed': Role(
         'rad/s', 'above', is_magnitude=True, resolution=0.01, steps=5, harmless=0.1
     ),
+    'reception': Role('1', 'below'),
     'flag': Role('1', 'above'),
     'number': Role('1', steps=20),
 }
+_ERRORS = frozenset(('error', 'err', 'deviation', 'cte', 'xte', 'residual', 'overshoot'))
 # The first line of which some word is in the name tells the role.
 _ROLE_WORDS: tuple[tuple[str, frozenset[str]], ...] = (
-    ('error', frozenset(('error', 'err', 'deviation', 'cte', 'xte', 'residual', 'overshoot'))),
-    ('temperature', frozenset(('temperature', 'temp', 'ntc', 'temperatures'))),
+    ('error', _ERRORS),
+    ('temperature', frozenset(('temperature', 'temp', 'ntc', 'temperatures', 'temps'))),
     ('voltage', frozenset(('voltage', 'volt', 'volts', 'voltages', 'vbat', 'vbatt', 'vin'))),
     ('charge', frozenset(('percentage', 'percent', 'soc', 'remaining', 'fuel'))),
     ('current', frozenset(('current', 'currents', 'amps', 'ampere', 'amperage', 'ibat'))),
@@ -192,6 +210,7 @@ _ROLE_WORDS: tuple[tuple[str, frozenset[str]], ...] = (
         ),
     ),
     ('pressure', frozenset(('pressure',))),
+    ('reception', frozenset(('satellites', 'sats', 'rssi', 'snr'))),
     ('joint position', frozenset(('q', 'position', 'positions', 'pos'))),
     ('joint speed', frozenset(('dq', 'qd'))),
 )
@@ -228,6 +247,13 @@ def is_turning(name: str) -> bool:
     return bool(_TURNING.intersection(words_of(name)))
 
 
+def slides(name: str) -> bool:
+    """Tell whether a name is that of a joint that slides, such as a mast."""
+    words = set(words_of(name))
+    # A shoulder that lifts an arm turns.
+    return bool(_SLIDING & words) and 'shoulder' not in words
+
+
 def names_a_hazard(name: str) -> bool:
     """Tell whether a name is that of a danger, such as that of a bumper."""
     return bool(_HAZARDS.intersection(words_of(name)))
@@ -252,7 +278,7 @@ def meaning_of(path: str, topic: str, msgtype: str, series: Series) -> Meaning:
         reason = _whole_number(own, context_set, series)
         if reason is not None:
             return Meaning('flag') if reason == '' else Meaning('', reason)
-    role = _role(own)
+    role = _role(own | _ERRORS.intersection(words_of(path)))
     for words, reason in _NO_FEATURES:
         # A cross-track error and a yaw rate are no directions.
         is_relative = reason is _ON_THE_MAP and role in ('error', 'turn rate')

@@ -7,6 +7,8 @@ from __future__ import annotations
 import math
 
 _NICE = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
+# Multiples of these are easily read.
+_STEPS = (1.0, 2.0, 2.5, 3.0, 4.0, 5.0)
 
 
 def nice_below(value: float) -> float:
@@ -29,7 +31,7 @@ def nice_above(value: float) -> float:
 
 
 def nice_between(low: float, high: float) -> list[float]:
-    """Return ``low`` and all nice numbers above it up to ``high``, in order."""
+    """Return ``low`` and all nice steps above it up to ``high``, in order."""
     power = 10.0 ** math.floor(math.log10(low))
-    found = [float(f'{nice * size:.6g}') for size in (power, 10.0 * power) for nice in _NICE]
+    found = [float(f'{nice * size:.6g}') for size in (power, 10.0 * power) for nice in _STEPS]
     return [low, *(size for size in found if low < size <= high * (1.0 + 1e-6))]

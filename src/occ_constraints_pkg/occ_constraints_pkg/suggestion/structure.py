@@ -22,8 +22,19 @@ from occ_constraints_pkg.suggestion.candidate import (
     plain_entry,
     vector_moves,
 )
-from occ_constraints_pkg.suggestion.inspection import MOST_ELEMENTS, Series, TopicInspection
-from occ_constraints_pkg.suggestion.known_types import HEURISTICS, LARGE, orientation_of
+from occ_constraints_pkg.suggestion.inspection import (
+    DIAGNOSTICS,
+    MOST_ELEMENTS,
+    Series,
+    TopicInspection,
+    identifier,
+)
+from occ_constraints_pkg.suggestion.known_types import (
+    HEURISTICS,
+    LARGE,
+    altitude_flaw,
+    orientation_of,
+)
 from occ_constraints_pkg.suggestion.meanings import (
     ROLES,
     Meaning,
@@ -52,6 +63,8 @@ def candidates_of(topic: TopicInspection) -> Iterator[Candidate]:
     heuristic = HEURISTICS.get(topic.msgtype)
     if topic.msgtype in ('sensor_msgs/msg/LaserScan', 'sensor_msgs/msg/PointCloud2'):
         yield from LARGE[topic.msgtype](topic)
+    elif topic.msgtype == DIAGNOSTICS:
+        yield from _diagnostics(topic)
     elif heuristic is not None:
         yield from heuristic(topic, '')
     else:
@@ -81,6 +94,21 @@ def _structure(
             yield from _structure(topic, value, f'{place}.', depth + 1)
 
 
+def _diagnostics(topic: TopicInspection) -> Iterator[Candidate]:
+    """Yield what the texts of diagnostics hold, where their keys tell what it is."""
+    for place, series in topic.series.items():
+        names = re.findall(r'=([^\]]*)\]', place)
+        meaning = meaning_of(names[1], '', '', series)
+        role = ROLES[meaning.role or 'number']
+        item = plain_entry(
+            topic, identifier('_'.join(names)).lower(), place, role.unit, _kind(meaning)
+        )
+        item.role, item.aside, item.is_brief = role, meaning.reason, True
+        if meaning.role in ('number', 'flag') or meaning.is_command:
+            item.aside = 'its key does not tell what it is'
+        yield item
+
+
 def _name(topic: TopicInspection, path: str) -> str:
     """Return a name for a field: that of its topic and its own."""
     told = re.sub(r'\b(data|value)\b|\w+=', '', path)
@@ -107,9 +135,21 @@ def _number(topic: TopicInspection, path: str, *, group: str = '') -> Iterator[C
     item.part_of = {'vx': 'speed', 'vy': 'speed', 'vz': 'vertical_speed'}.get(leaf, '')
     if not meaning.reason and not item.is_flag:
         item.remark = 'its message type does not tell the unit'
+    if role is ROLES['height'] and not item.aside and _is_by_satellite(topic, path):
+        item.aside = altitude_flaw(series)
     if series.share < 1.0 and '=' not in path:
         item.aside = item.aside or 'not every message has it'
     yield item
+
+
+def _is_by_satellite(topic: TopicInspection, path: str) -> bool:
+    """Tell whether a number stands beside a latitude."""
+    place = path.rpartition('.')[0]
+    return any(
+        {'lat', 'latitude'} & set(words_of(other.rpartition('.')[2]))
+        for other in topic.series
+        if other.rpartition('.')[0] == place
+    )
 
 
 def _kind(meaning: Meaning) -> str:
@@ -127,7 +167,10 @@ def _unit(path: str, meaning: Meaning, role: Role, series: Series) -> str:
     if words & {'ma', 'mv', 'mah', 'deg', 'degrees', 'cm', 'mm'} or not meaning.role:
         return '1'
     # No robot is as fast: a motor's own unit.
-    is_raw = role.unit == 'm/s' and max(abs(series.low), abs(series.high)) > _MOST_SPEED
+    largest = max(abs(series.low), abs(series.high))
+    is_raw = role.unit == 'm/s' and largest > _MOST_SPEED
+    # A position may be of whatever moves.
+    is_raw |= role is ROLES['joint position'] and largest > MOST_ANGLE
     return '1' if is_raw else role.unit
 
 
@@ -145,7 +188,8 @@ def _array(topic: TopicInspection, path: str, value: Any) -> Iterator[Candidate]
             yield from _events(topic, path)
         return
     elements = list(elements_of(topic, path))
-    size = max(lengths)
+    # Elements with names are no axes.
+    size = max(lengths) if f'{path}[0]' in topic.series else 0
     if len(lengths) == 1 and size == 4 and (order := _quaternion_order(topic, path)):
         yield from orientation_of(topic, path, 'motion', order=order)
     elif len(lengths) == 1 and size == 3 and not words & {'rpy', 'euler'} and _is_vector(words):

@@ -28,7 +28,7 @@ from occ_constraints_pkg.suggestion.inspection import (
     inspect_topics,
     merged,
 )
-from occ_constraints_pkg.suggestion.meanings import is_turning
+from occ_constraints_pkg.suggestion.meanings import is_turning, words_of
 from occ_constraints_pkg.suggestion.robots import robots_of
 from occ_constraints_pkg.suggestion.statistics import (
     FeatureStatistics,
@@ -54,6 +54,11 @@ _PACES = (
 # Where one of these is measured, commands are comments; those of unknown types beside anything.
 _MOTION = {'table', 'Odometry', 'velocity', 'motion', 'joints'}
 _OTHERS = set(KINDS) - {'command'}
+# Of several Imus, that of the body is used, not that of a part that moves by itself.
+_LIMBS = {
+    *('left', 'right', 'head', 'foot', 'hand', 'arm', 'leg', 'wrist', 'ankle', 'gripper'),
+    *('camera', 'cam', 'mount', 'gimbal'),
+}
 # Slower topics have an age of their own.
 _SLOW_S = 0.5
 # A second recording outside of what the first shows for more than this share of its rows is told.
@@ -200,14 +205,23 @@ def _reason(topic: TopicInspection, robot: str) -> str:
         return 'it is in the namespace of no robot'
     if topic.series:
         return 'none of its numbers is known to tell a danger'
+    if topic.msgtype == 'sensor_msgs/msg/PointCloud2':
+        return 'a cloud of points; a LaserScan can be made of it, with clearances'
     if any(max(lengths) for lengths in topic.lengths.values()):
         return 'it has arrays only, too long or of varying length'
-    return 'it has no number'
+    return 'it has no number' + ', only text' * topic.msgtype.endswith('/String')
 
 
 def _set_aside(candidates: Sequence[Candidate]) -> None:
     """Set aside entries that another one replaces."""
-    ordered = sorted(candidates, key=lambda item: (len(item.topic.name), item.topic.name))
+    ordered = sorted(
+        candidates,
+        key=lambda item: (
+            item.kind == 'Imu' and bool(_LIMBS & set(words_of(item.topic.name))),
+            len(item.topic.name),
+            item.topic.name,
+        ),
+    )
     first: dict[str, str] = {}
     for item in ordered:
         if item.kind in ('LaserScan', 'Odometry', 'command', 'Imu') and not item.aside:
@@ -278,7 +292,7 @@ def _alignment(
             ),
         ).topic
     )
-    periods = [item.topic.slow_period_s for item in used]
+    periods = [item.slow_period_s for item in used]
     quick = [period for period in periods if 0.0 < period <= _SLOW_S]
     max_age = max(_twice(max(quick, default=0.25)), 0.2)
     for item in used:
@@ -286,8 +300,8 @@ def _alignment(
             item.entry.pop(key, None)
         if item.topic is pace:
             continue
-        if item.topic.slow_period_s > _SLOW_S:
-            item.entry['max_age'] = _twice(item.topic.slow_period_s)
+        if item.slow_period_s > _SLOW_S:
+            item.entry['max_age'] = _twice(item.slow_period_s)
         if abs(item.topic.offset_s - pace.offset_s) > item.entry.get('max_age', max_age):
             item.entry['age_by'] = 'arrival'
     return pace, max_age

@@ -138,6 +138,9 @@ def _limit(item: Candidate, role: Role) -> None:
     end = _on_grid(median, step, high if role.side == 'above' else low, role.side)
     if role.harmless > end and item.entry['unit'] == role.unit:
         end = float(f'{math.ceil(role.harmless / step - 1e-9) * step:.12g}')
+    if role.is_magnitude and end <= 0.0:
+        item.entry['bounds'] = [0, None]
+        return
     ends = [end, None] if role.side == 'above' else [None, end]
     item.entry['transform'].append({'clip': ends})
     item.entry['bounds'] = ends

@@ -354,6 +354,28 @@ def paper(names: tuple[str, ...], as_json: bool, **given: Any) -> None:
         raise SystemExit(1)
 
 
+@cli.command('any_robot')
+@click.option('--kind', 'kinds', multiple=True, help='Only this kind of robot; may be repeated.')
+@click.option(
+    '--seconds',
+    multiple=True,
+    default=(40.0, 120.0),
+    show_default=True,
+    type=click.FloatRange(20.0, 600.0),
+    help=f'Length of the drives. {_REPEATED}',
+)
+@_writes()
+def any_robot(**given: Any) -> None:
+    """Learn from one drive of each of many kinds of robots; judge the next, and faults.
+
+    The drives are synthetic. Maps are used as suggested, and the learner is the default one.
+
+    \b
+    Example: python -m experiments any_robot --kind arm --kind boat -o results
+    """
+    _run('any_robot', 'kinds', **given)
+
+
 @cli.command()
 @click.argument('folder', type=click.Path(exists=True, file_okay=False, path_type=Path))
 def redraw(folder: Path) -> None:

@@ -9,7 +9,8 @@ from occ_constraints_pkg.features.feature_map import FeatureMap
 from occ_constraints_pkg.rosbag.recording import Recording
 from occ_constraints_pkg.suggestion.suggest import suggest_each
 from occ_constraints_pkg.suggestion.text import suggestion_text
-from robot_bags import STORE, write_messages
+
+from experiments.robot_kinds.messages import STORE, write_messages
 
 PACKAGES = {
     *('std_msgs', 'sensor_msgs', 'geometry_msgs', 'nav_msgs', 'trajectory_msgs', 'control_msgs'),

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from occ_constraints_pkg.suggestion.inspection import Series, identifier
-from occ_constraints_pkg.suggestion.meanings import is_command, meaning_of, words_of
+from occ_constraints_pkg.suggestion.meanings import is_command, meaning_of, slides, words_of
 
 WAVE = np.sin(np.arange(100) / 7)
 RISING = np.arange(100.0)
@@ -104,3 +104,16 @@ def test_words_and_identifiers():
 def test_a_flag_is_named_by_the_whole_topic():
     found = meaning('data', topic='/bumper/front', values=RISING % 2, is_flag=True)
     assert found.role == 'flag'
+
+
+def test_joints_that_slide():
+    assert slides('mast_lift')
+    assert slides('left_finger_joint')
+    assert not slides('shoulder_lift_joint')
+    assert not slides('elbow_joint')
+
+
+def test_what_an_error_is_of():
+    assert meaning('feedback.error.positions[joint_names=j1]').role == 'error'
+    assert meaning('satellites', topic='/gnss').role == 'reception'
+    assert 'direction' in meaning('data', topic='/compass_hdg').reason

@@ -12,6 +12,12 @@ from occ_constraints_pkg.suggestion.inspection import inspect_topics
 from occ_constraints_pkg.suggestion.suggest import suggest, suggest_each
 from occ_constraints_pkg.suggestion.text import suggestion_text
 
+from experiments.any_robot import suggested_maps
+from experiments.robot_kinds import write_robot
+from experiments.robot_kinds.drives import Drive
+from experiments.robot_kinds.messages import make, write_messages
+from experiments.robot_kinds.parts import imus
+
 START = 100 * 10**9
 TENTH = 10**8
 
@@ -73,7 +79,8 @@ def test_a_drive(messages, write_bag):
         'never missing',
     ):
         assert part in text
-    assert suggestion.warnings == ()
+    (warning,) = suggestion.warnings
+    assert warning.startswith('speed goes to and fro too seldom to know how far')
     data = extract([write_bag(drive(messages), 'again')], feature_map)
     assert np.isfinite(data.values[1:]).all()
 
@@ -157,7 +164,7 @@ def test_a_map_is_always_written(messages, write_bag, run_occ, tmp_path):
     few = [('/odom', messages.odometry(stamp_ns=START), START)]
     bag = write_bag([*few, *still])
     suggestion = suggest(Recording(bag))
-    assert (suggestion.used, suggestion.pace) == ([], None)
+    assert (suggestion.used, suggestion.pace.name) == ([], '/cmd_vel')
     reasons = aside(suggestion)
     assert reasons['commanded_speed'].startswith('constant at 0')
     assert {topic.name: reason for topic, reason in suggestion.unused} == {
@@ -166,7 +173,58 @@ def test_a_map_is_always_written(messages, write_bag, run_occ, tmp_path):
     code, out, err = run_occ(f'features suggest {bag} -o {tmp_path}/map.yaml')
     assert (code, out) == (1, f'0 features; written to {tmp_path}/map.yaml\n')
     assert 'no feature can be used as it is' in err
-    assert 'features: []' in (tmp_path / 'map.yaml').read_text()
+    text = (tmp_path / 'map.yaml').read_text()
+    assert 'features: []' in text
+    code, _, err = run_occ(f'features check {bag} {tmp_path}/map.yaml')
+    assert code == 2
+    assert 'features: the map has no feature, so nothing could be judged; add one' in err
+    # What a comment holds can be used all the same.
+    entry = '  - {name: speed, topic: cmd_vel, field: linear.x, unit: m/s}'
+    (tmp_path / 'map.yaml').write_text(text.replace('features: []', f'features:\n{entry}'))
+    code, out, _ = run_occ(f'features check {bag} {tmp_path}/map.yaml')
+    assert 'speed' in out
+
+
+def test_arrays_that_are_too_short_now_and_then(tmp_path):
+    """Elements that some messages lack are set aside with the reason, seen or not in the sample."""
+    for rare in ({3003}, {7, 3003}, {step for step in range(5000) if step % 9 == 0}):
+        messages = (
+            (step / 50, '/motors', motors(2 if step in rare else 4, step)) for step in range(5000)
+        )
+        suggestion = suggest(Recording(write_messages(tmp_path / f'{len(rare)}.mcap', messages)))
+        assert [item.entry['field'] for item in suggestion.used] == ['data[0]', 'data[1]']
+        reasons = aside(suggestion)
+        assert reasons.keys() >= {'motors_2', 'motors_3'}
+        for name in ('motors_2', 'motors_3'):
+            assert 'not every message has it' in reasons[name] or 'but data has 2' in reasons[name]
+
+
+def motors(count, step):
+    values = np.sin(np.arange(count) + step / 20).astype(np.float32)
+    return make('std_msgs/Float32MultiArray', data=values)
+
+
+def test_only_offsets(messages, write_bag):
+    """A map of which nothing is left, as all features differ by an offset, is written as well."""
+    bags = [
+        Recording(
+            write_bag(
+                [
+                    (
+                        '/height',
+                        messages.types['std_msgs/msg/Float64'](ground + math.sin(step / 9)),
+                        START + step * TENTH,
+                    )
+                    for step in range(100)
+                ],
+                name,
+            )
+        )
+        for name, ground in (('one', 20.0), ('two', 60.0))
+    ]
+    suggestion = suggest(*bags)
+    assert (suggestion.used, suggestion.seen.rows, suggestion.pace.name) == ([], 0, '/height')
+    assert 'offset' in aside(suggestion)['height']
 
 
 def test_inspection(messages, write_bag):
@@ -211,6 +269,8 @@ def test_several_recordings_are_used_together(messages, write_bag):
     (told,) = [text for text in suggestion.warnings if 'speed lies outside' in text]
     assert told.endswith('learn from both, or leave it out')
     assert suggestion.name == 'one, two'
+    assert 'one, two: 200 rows in 19.8 s' in suggestion_text(suggestion)
+    assert suggestion.seen.rows == 200
 
     third = flight('three', 20.0, 2.0)
     (told,) = [text for text in suggest(first, third, second).warnings if 'speed lies' in text]
@@ -298,3 +358,76 @@ def test_real_robots(robots, bag, expected):
     feature_map = FeatureMap.from_document(parse_yaml(text, bag), bag, text=text)
     assert expected <= set(feature_map.names)
     assert suggestion.seen.usable > 0.95
+
+
+def test_numbers_in_the_texts_of_diagnostics(tmp_path):
+    """Each by its name and key, if the key tells what it is; nodes may publish in turn."""
+
+    def values(**texts):
+        return [
+            make('diagnostic_msgs/KeyValue', key=key, value=text) for key, text in texts.items()
+        ]
+
+    def messages():
+        for step in range(200):
+            for part, name in enumerate(('motor left', 'lidar')):
+                own = values(Temperature=f'{40 + step % 7} C', mode='AUTO', packets=str(step % 9))
+                status = make('diagnostic_msgs/DiagnosticStatus', name=name, values=own)
+                array = make('diagnostic_msgs/DiagnosticArray', status=[status])
+                yield step + part / 2, '/diagnostics', array
+
+    suggestion = suggest(Recording(write_messages(tmp_path / 'agv.mcap', messages())))
+    fields = {item.entry['name']: item.entry['field'] for item in suggestion.used}
+    assert fields['motor_left_temperature'] == (
+        'status[name=motor left].values[key=Temperature].value'
+    )
+    assert fields.keys() == {'motor_left_temperature', 'lidar_temperature'}
+    assert suggestion.seen.usable > 0.99
+    assert aside(suggestion)['lidar_packets'] == 'its key does not tell what it is'
+
+
+def test_altitude_by_satellite(tmp_path):
+    """Of what stays on the ground it is no feature, whatever the message; of what flies it is."""
+    for span, is_used in ((3.0, False), (60.0, True)):
+        fixes = (
+            (
+                step / 5,
+                '/fix',
+                make(
+                    'sensor_msgs/NavSatFix',
+                    latitude=47.0 + 1e-5 * math.sin(step / 7),
+                    altitude=430.0 + span / 2 * math.sin(step / 9),
+                ),
+            )
+            for step in range(300)
+        )
+        suggestion = suggest(Recording(write_messages(tmp_path / f'{span}.mcap', fixes)))
+        assert ('altitude' in [item.entry['name'] for item in suggestion.used]) is is_used
+
+
+def test_the_imu_of_the_body_is_used(tmp_path):
+    messages = (
+        item
+        for number, part in enumerate(('head', 'pelvis', 'left_foot'))
+        for item in imus(Drive(number, '', 20.0), f'/{part}/imu')
+    )
+    suggestion = suggest(Recording(write_messages(tmp_path / 'imus.mcap', messages)))
+    assert {item.topic.name for item in suggestion.used} == {'/pelvis/imu'}
+
+
+def test_what_the_dynamics_of_a_joint_tie_together_is_kept_apart(tmp_path):
+    (feature_map,) = suggested_maps(write_robot(tmp_path, 'ground', 1, seconds=30.0))
+    assert feature_map.apart == (('speed', 'speed_error'), ('turn_rate', 'turn_rate_error'))
+
+
+def test_standing_still_is_allowed(messages, write_bag):
+    """Also where the robot never did; driving backwards is not, where it was seen to stand."""
+    for least, rules_below in ((0.0, True), (0.5, False)):
+        entries = []
+        for step in range(400):
+            now, speed = START + step * TENTH, least + 0.5 + 0.5 * math.sin(step / 5)
+            entries.append(('/odom', messages.odometry(stamp_ns=now, x=speed), now))
+        _, text, feature_map = found(write_bag, entries, f'bag{least}')
+        has_clip = any(step[0] == 'clip' for step in feature_map.features[0].transform)
+        assert has_clip is not rules_below
+        assert ('it never stood still here' in text.replace('\n# ', ' ').lower()) is has_clip

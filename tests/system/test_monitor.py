@@ -424,3 +424,30 @@ def test_joints_by_name_and_a_name_that_nobody_has(nodes, observer):
         if verdict is Verdict.UNKNOWN:
             words = robot.violations[-1].status[0].message
             assert "no message has name 'finger'; the last one has elbow" in words
+
+
+def test_a_frozen_value_is_told(make_nodes, rules_of):
+    """On ``/diagnostics`` and in the log, once."""
+    from diagnostic_msgs.msg import DiagnosticArray
+    from listener import Listener
+
+    nodes, told = make_nodes(), []
+
+    def listen(message):
+        told.extend(item.message for item in message.status if item.name == 'monitor: sensors')
+
+    with Listener(nodes.domain) as observer:
+        robot = Robot(observer)
+        observer.node.create_subscription(DiagnosticArray, '/diagnostics', listen, 10)
+        robot.start_monitor(nodes, rules_of['simple_nav'], timeout=100.0, frozen_after=2)
+        steps = iter(range(10**6))
+
+        def is_told():
+            robot.send(robot.message((0.8, 0.2 + next(steps) % 100 / 1000)))
+            return sum('x is 0.8 in all' in words for words in told) > 2
+
+        robot.until(is_told)
+        assert 'no doubt' in told
+        assert 'y is' not in told[-1]
+        assert robot.monitor.log.read_text().count('it may be frozen') == 1
+        nodes.stop()

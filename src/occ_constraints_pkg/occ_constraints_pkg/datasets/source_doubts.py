@@ -11,14 +11,11 @@ import numpy as np
 from occ_constraints_pkg.datasets.clocks import ClockReadings, clock_warnings
 from occ_constraints_pkg.datasets.topic_columns import TopicColumns
 from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.features.doubts import range_doubts, range_fields, range_readings
 from occ_constraints_pkg.features.feature_map import FeatureMap, topic_key
-from occ_constraints_pkg.features.reductions import RangeRule
-from occ_constraints_pkg.features.sources import Reading
 from occ_constraints_pkg.rosbag.recording import Recording
 from occ_constraints_pkg.rosbag.storage import Block
 
-# A share of ranges beyond the limits that is told.
-_MANY = 0.01
 # Scans that are looked at for it, of the first part of a recording.
 _SCANS = 200
 
@@ -56,34 +53,15 @@ def _of_ranges(
     recording: Recording, name: str, feature_map: FeatureMap, block: Block
 ) -> Iterator[str]:
     """Yield a sentence if many ranges of a topic are beyond its message's own limits."""
-    fields = dict.fromkeys(
-        reading.field
-        for _, reading in feature_map.readings
-        if topic_key(reading.topic) == topic_key(name)
-        and reading.field is not None
-        and not RangeRule.of(reading).is_plain
-        and not reading.selectors
-    )
+    fields = range_fields(feature_map, name)
     rows = np.arange(len(block))[:_SCANS]
     for field in fields:
-        counts = []
-        for missing, limits in (('drop', 'ignore'), ('drop', None), ('drop', 'own')):
-            reading = Reading(name, field, reduce='count', missing=missing, range_limits=limits)
-            try:
-                columns = TopicColumns(recording, name, [('', reading)])
-                counts.append(float(np.nansum(columns.read(block, rows)[0])))
-            except OccError:
-                # Not an array, or its message has no limits.
-                break
-        if len(counts) < 3 or not counts[0]:
+        try:
+            counts = [
+                float(np.nansum(TopicColumns(recording, name, [('', item)]).read(block, rows)[0]))
+                for item in range_readings(name, field)
+            ]
+        except OccError:
+            # Not an array, or its message has no limits.
             continue
-        every, below_most, within = counts
-        for share, which in (
-            (1.0 - below_most / every, 'above its range_max'),
-            ((below_most - within) / every, 'below its range_min'),
-        ):
-            if share > _MANY:
-                yield (
-                    f'{share:.1%} of the ranges of {name} that are numbers are {which}: they may '
-                    'be codes, not distances; range_limits says which count'
-                )
+        yield from range_doubts(name, counts)

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from occ_constraints_pkg.datasets.dataset import Dataset
-from occ_constraints_pkg.datasets.doubts import value_doubts
+from occ_constraints_pkg.features.doubts import value_doubts
 from occ_constraints_pkg.learning.edges import MOST_ESTIMATED, MOST_EVEN
 from occ_constraints_pkg.learning.learn import grow
 from occ_constraints_pkg.learning.likely_families import likely_families

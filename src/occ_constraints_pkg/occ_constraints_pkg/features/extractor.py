@@ -227,6 +227,18 @@ class FeatureExtractor:
                     ages[place] = latest.age_ns(self._now, is_by_arrival=item.is_by_arrival)
         return ages
 
+    def newest(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return (k,) what the newest messages say of each feature before its steps, and after.
+
+        Of several robots the first; NaN where nothing was read so far.
+        """
+        count = len(self.feature_map.features)
+        read, values = np.full(self._width, np.nan), self._last[1]
+        for channel in self._channels:
+            if channel.latest is not None and len(channel.latest.values):
+                read[channel.reader.columns] = channel.latest.values[0]
+        return read[:count], values[0] if len(values) else np.full(count, np.nan)
+
     def _row(self, now: LatestValue) -> FeatureRows:
         """Compute the features from the latest values that are valid at a message."""
         back_ns = 0 if self._now is None else self._now.ahead_ns(now)

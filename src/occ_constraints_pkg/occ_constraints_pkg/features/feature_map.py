@@ -168,6 +168,12 @@ class FeatureMap:
         Raises:
             OccError: the document breaks the schema, or its parts do not fit together.
         """
+        if isinstance(document, dict) and document.get('features') == []:
+            what = (
+                'features: the map has no feature, so nothing could be judged; add one, such as '
+                'one of those in the comments of a suggested map'
+            )
+            raise ConfigurationError(with_line(what, where, text))
         validate(document, SCHEMA, where, text=text)
         try:
             return cls._from_valid(document)

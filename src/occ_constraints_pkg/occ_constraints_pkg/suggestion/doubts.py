@@ -114,7 +114,7 @@ def _angles(topic: TopicInspection) -> Iterator[str]:
             found.append(path)
     if found:
         yield (
-            f'{_list(found)} of {topic.name} {"has" if len(found) == 1 else "have"} angles above '
+            f'{some_of(found)} of {topic.name} {"has" if len(found) == 1 else "have"} angles above '
             f'{_MOST_ANGLE:g} rad, as if in degrees'
         )
 
@@ -128,8 +128,8 @@ def _turn_rates(topic: TopicInspection) -> Iterator[str]:
             found.append(path)
     if found:
         yield (
-            f'{_list(found)} of {topic.name} {"has" if len(found) == 1 else "have"} angular rates '
-            f'above {_MOST_TURN_RATE:g} rad/s, as if in degrees per second'
+            f'{some_of(found)} of {topic.name} {"has" if len(found) == 1 else "have"} angular '
+            f'rates above {_MOST_TURN_RATE:g} rad/s, as if in degrees per second'
         )
 
 
@@ -139,5 +139,6 @@ def _is_large(values: np.ndarray, most: float, top: float = math.inf) -> bool:
     return most < float(np.percentile(np.abs(values), 98)) <= top
 
 
-def _list(paths: list[str]) -> str:
-    return ', '.join(paths[:3]) + (' ...' if len(paths) > 3 else '')
+def some_of(names: list[str]) -> str:
+    """Return the first few names, and dots if there are more."""
+    return ', '.join(names[:3]) + (' ...' if len(names) > 3 else '')

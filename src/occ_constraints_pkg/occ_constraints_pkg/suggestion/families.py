@@ -6,8 +6,9 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
+from itertools import combinations
 
-from occ_constraints_pkg.suggestion.heuristics import Candidate
+from occ_constraints_pkg.suggestion.candidate import Candidate
 
 # Ends of the ranges of members differ by at most this share of the family's range: of positions,
 # and of absolute values.
@@ -23,10 +24,10 @@ def form_families(items: Sequence[Candidate]) -> None:
     Args:
         items: candidates with a group, whose values were looked at.
     """
-    groups: dict[tuple[str, str], list[Candidate]] = defaultdict(list)
+    groups: dict[tuple[str, str, str], list[Candidate]] = defaultdict(list)
     for item in items:
-        groups[item.topic.name, item.group].append(item)
-    for (_, group), members in groups.items():
+        groups[item.topic.name, item.group, item.entry['unit']].append(item)
+    for (_, group, _), members in groups.items():
         families = _alike(members)
         shared = [family for family in families if len(family) > 1]
         for family in shared:
@@ -35,6 +36,24 @@ def form_families(items: Sequence[Candidate]) -> None:
             for item in family:
                 item.entry['family'] = name
                 item.family_seen = seen
+
+
+def coupled_pairs(items: Sequence[Candidate]) -> list[tuple[str, str]]:
+    """Return what the dynamics of one joint or sensor tie together, by features or families.
+
+    A joint that moves lags behind its command, and effort moves it: combinations that never come
+    are no constraint of the robot's task.
+
+    Args:
+        items: all that are in use.
+    """
+    pairs: dict[tuple[str, str], None] = {}
+    for first, second in combinations(items, 2):
+        names = [str(item.entry.get('family', item.entry['name'])) for item in (first, second)]
+        is_tied = first.coupled and first.coupled == second.coupled and names[0] != names[1]
+        if is_tied and (names[1], names[0]) not in pairs:
+            pairs[names[0], names[1]] = None
+    return list(pairs)
 
 
 def _alike(members: Sequence[Candidate]) -> list[list[Candidate]]:

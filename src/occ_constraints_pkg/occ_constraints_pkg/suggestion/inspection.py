@@ -14,6 +14,7 @@ import numpy as np
 from occ_constraints_pkg.datasets.topic_columns import TopicColumns
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.features.fields import field_names
+from occ_constraints_pkg.features.paths import number_in
 from occ_constraints_pkg.rosbag.definition_bounds import WIDE_TEXT
 from occ_constraints_pkg.rosbag.recording import Recording
 from occ_constraints_pkg.rosbag.storage import Block
@@ -23,11 +24,14 @@ from occ_constraints_pkg.wording import count_of
 # Packages whose messages are about the ROS graph or for viewers, not about the robot's state.
 _NOT_SENSORS = frozenset(
     (
-        *('action_msgs', 'bond', 'diagnostic_msgs', 'lifecycle_msgs', 'map_msgs', 'rcl_interfaces'),
+        *('action_msgs', 'bond', 'lifecycle_msgs', 'map_msgs', 'rcl_interfaces'),
         *('rosbag2_interfaces', 'rosgraph_msgs', 'statistics_msgs', 'tf2_msgs'),
         *('visualization_msgs', 'rmw_dds_common', 'foxglove_msgs', 'stereo_msgs'),
     )
 )
+# Its texts hold numbers.
+DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
+_BRACKETS = {'[', ']'}
 # Larger messages of unknown types are images, maps and the like; decoding them takes long.
 _SMALL_BYTES = 1 << 14
 _KNOWN_LARGE = ('sensor_msgs/msg/LaserScan', 'sensor_msgs/msg/PointCloud2')
@@ -334,7 +338,10 @@ class _Look:
         if not topic.decoded:
             topic.decoded, topic.sample = True, message
         self._decoded += 1
-        for path, value in _numbers(message, topic.lengths):
+        numbers = _numbers(message, topic.lengths)
+        if topic.msgtype == DIAGNOSTICS:
+            numbers = _diagnostic_numbers(message)
+        for path, value in numbers:
             values = self._numbers.get(path)
             if values is None:
                 values = self._numbers[path] = []
@@ -416,6 +423,15 @@ def _numbers(
             continue
         elif name not in ('header', 'stamp') and field_names(value) not in ([], ['sec', 'nanosec']):
             yield from _numbers(value, lengths, f'{place}.', outer)
+
+
+def _diagnostic_numbers(message: Any) -> Iterator[tuple[str, float]]:
+    """Yield the numbers that the texts of a DiagnosticArray hold, with their paths."""
+    for status in message.status[:MOST_ELEMENTS]:
+        for item in status.values[:MOST_ELEMENTS]:
+            number = number_in(item.value)
+            if number is not None and not _BRACKETS & {*status.name, *item.key} and item.key:
+                yield f'status[name={status.name}].values[key={item.key}].value', number
 
 
 def _is_texts(value: Any) -> bool:

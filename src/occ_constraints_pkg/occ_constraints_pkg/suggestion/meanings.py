@@ -24,7 +24,7 @@ _NO_FEATURES: tuple[tuple[frozenset[str], str], ...] = (
         frozenset(
             (
                 *('timestamp', 'time', 'stamp', 'sec', 'secs', 'nsec', 'nanosec', 'usec', 'clock'),
-                *('uptime', 'date', 'tick', 'ticks', 'timeout', 'utc', 'epoch', 'runtime'),
+                *('uptime', 'date', 'timeout', 'utc', 'epoch', 'runtime'),
                 *('elapsed', 'seconds', 'nanoseconds', 'microseconds', 'milliseconds', 'millis'),
             )
         ),
@@ -34,7 +34,17 @@ _NO_FEATURES: tuple[tuple[frozenset[str], str], ...] = (
         frozenset(
             (
                 *('counter', 'count', 'cnt', 'counts', 'seq', 'sequence', 'index', 'idx', 'num'),
-                *('number', 'cycle', 'cycles', 'odometer', 'tachometer', 'encoder', 'traveled'),
+                *(
+                    'tick',
+                    'ticks',
+                    'number',
+                    'cycle',
+                    'cycles',
+                    'odometer',
+                    'tachometer',
+                    'encoder',
+                    'traveled',
+                ),
                 *('travelled', 'drawn', 'consumed', 'discharged', 'regen', 'total', 'frames'),
             )
         ),
@@ -78,6 +88,7 @@ _NO_FEATURES: tuple[tuple[frozenset[str], str], ...] = (
                     'east',
                 ),
                 *('north', 'heading', 'yaw', 'course', 'cog', 'azimuth', 'bearing', 'track'),
+                *('hdg', 'compass'),
             )
         ),
         _ON_THE_MAP,
@@ -104,6 +115,11 @@ _HAZARDS = {
 
 # Joints that turn without end.
 _TURNING = {'wheel', 'rotor', 'propeller', 'caster', 'roller'}
+# Joints that slide: m, not rad.
+_SLIDING = {
+    *('lift', 'slide', 'slider', 'prismatic', 'rail', 'linear', 'telescope', 'extension'),
+    *('elevator', 'gantry', 'finger'),
+}
 
 
 @dataclass(frozen=True)
@@ -116,7 +132,9 @@ class Role:
         is_magnitude: whether only the absolute value counts.
         resolution: finer differences do not count; 0 where only the values can tell.
         steps: into so many its range is divided for want of a larger resolution.
-        drains: whether it falls as long as the robot works, as a battery.
+        harmless: no magnitude up to it is a danger, whatever was seen.
+        left: of what falls as long as the robot works, as a battery, how much of the least value
+            seen a next drive may still use; 0 for all else.
     """
 
     unit: str
@@ -124,24 +142,26 @@ class Role:
     is_magnitude: bool = False
     resolution: float = 0.0
     steps: int = 10
-    drains: bool = False
+    harmless: float = 0.0
+    left: float = 0.0
 
 
 ROLES = {
     'speed': Role('m/s', resolution=0.01, steps=20),
     'velocity': Role('m/s', 'above', is_magnitude=True, resolution=0.01),
     'vertical speed': Role('m/s', resolution=0.01, steps=20),
-    'turn rate': Role('rad/s', 'above', is_magnitude=True, resolution=0.01),
-    'acceleration': Role('m/s^2', 'above', is_magnitude=True, resolution=0.1),
-    'tilt': Role('rad', 'above', is_magnitude=True, resolution=0.02),
+    'turn rate': Role('rad/s', 'above', is_magnitude=True, resolution=0.01, harmless=0.1),
+    # More than gravity by an eighth of it.
+    'acceleration': Role('m/s^2', 'above', is_magnitude=True, resolution=0.1, harmless=11.0),
+    'tilt': Role('rad', 'above', is_magnitude=True, resolution=0.02, harmless=0.1),
     'angle': Role('rad', resolution=0.01, steps=20),
     'height': Role('m', resolution=0.01, steps=20),
     'distance': Role('m', 'below', resolution=0.01),
     'force': Role('N', 'above', is_magnitude=True),
     'torque': Role('N m', 'above', is_magnitude=True),
     'effort': Role('1', 'above', is_magnitude=True, steps=5),
-    'voltage': Role('V', 'below', drains=True),
-    'charge': Role('1', 'below', drains=True),
+    'voltage': Role('V', 'below', left=0.9),
+    'charge': Role('1', 'below', left=0.5),
     'current': Role('A', 'above', is_magnitude=True),
     'power': Role('W', 'above', is_magnitude=True),
     'temperature': Role('degC', 'above'),
@@ -149,14 +169,18 @@ ROLES = {
     'error': Role('1', 'above', is_magnitude=True, steps=5),
     'drive': Role('1', 'above', is_magnitude=True),
     'joint position': Role('rad', resolution=0.01, steps=20),
-    'joint speed': Role('rad/s', 'above', is_magnitude=True, resolution=0.01, steps=5),
+    'joint speed': Role(
+        'rad/s', 'above', is_magnitude=True, resolution=0.01, steps=5, harmless=0.1
+    ),
+    'reception': Role('1', 'below'),
     'flag': Role('1', 'above'),
     'number': Role('1', steps=20),
 }
+_ERRORS = frozenset(('error', 'err', 'deviation', 'cte', 'xte', 'residual', 'overshoot'))
 # The first line of which some word is in the name tells the role.
 _ROLE_WORDS: tuple[tuple[str, frozenset[str]], ...] = (
-    ('error', frozenset(('error', 'err', 'deviation', 'cte', 'xte', 'residual', 'overshoot'))),
-    ('temperature', frozenset(('temperature', 'temp', 'ntc', 'temperatures'))),
+    ('error', _ERRORS),
+    ('temperature', frozenset(('temperature', 'temp', 'ntc', 'temperatures', 'temps'))),
     ('voltage', frozenset(('voltage', 'volt', 'volts', 'voltages', 'vbat', 'vbatt', 'vin'))),
     ('charge', frozenset(('percentage', 'percent', 'soc', 'remaining', 'fuel'))),
     ('current', frozenset(('current', 'currents', 'amps', 'ampere', 'amperage', 'ibat'))),
@@ -186,6 +210,7 @@ _ROLE_WORDS: tuple[tuple[str, frozenset[str]], ...] = (
         ),
     ),
     ('pressure', frozenset(('pressure',))),
+    ('reception', frozenset(('satellites', 'sats', 'rssi', 'snr'))),
     ('joint position', frozenset(('q', 'position', 'positions', 'pos'))),
     ('joint speed', frozenset(('dq', 'qd'))),
 )
@@ -222,6 +247,13 @@ def is_turning(name: str) -> bool:
     return bool(_TURNING.intersection(words_of(name)))
 
 
+def slides(name: str) -> bool:
+    """Tell whether a name is that of a joint that slides, such as a mast."""
+    words = set(words_of(name))
+    # A shoulder that lifts an arm turns.
+    return bool(_SLIDING & words) and 'shoulder' not in words
+
+
 def names_a_hazard(name: str) -> bool:
     """Tell whether a name is that of a danger, such as that of a bumper."""
     return bool(_HAZARDS.intersection(words_of(name)))
@@ -246,7 +278,7 @@ def meaning_of(path: str, topic: str, msgtype: str, series: Series) -> Meaning:
         reason = _whole_number(own, context_set, series)
         if reason is not None:
             return Meaning('flag') if reason == '' else Meaning('', reason)
-    role = _role(own)
+    role = _role(own | _ERRORS.intersection(words_of(path)))
     for words, reason in _NO_FEATURES:
         # A cross-track error and a yaw rate are no directions.
         is_relative = reason is _ON_THE_MAP and role in ('error', 'turn rate')
@@ -254,7 +286,7 @@ def meaning_of(path: str, topic: str, msgtype: str, series: Series) -> Meaning:
             return Meaning('', reason)
     if series.is_integer and series.is_constant:
         return Meaning('', 'a whole number that never changes')
-    if series.only_rises and not ROLES[role].drains:
+    if series.only_rises and not ROLES[role].left:
         way = 'rises' if series.values[-1] > series.values[0] else 'falls'
         return Meaning('', f'only {way}, as clocks, counters and sums do')
     return Meaning(role, is_command=commanded)

@@ -4,16 +4,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from occ_constraints_pkg.datasets.blocks import BlockExtractor
-from occ_constraints_pkg.datasets.doubts import value_doubts
 from occ_constraints_pkg.datasets.extraction import rows_of
 from occ_constraints_pkg.datasets.source_doubts import source_doubts
 from occ_constraints_pkg.errors import DataError
+from occ_constraints_pkg.features.doubts import value_doubts
 from occ_constraints_pkg.features.extractor import FeatureExtractor
 from occ_constraints_pkg.features.feature_map import FeatureMap, topic_key
 from occ_constraints_pkg.features.sources import FeatureSource, Reading
@@ -21,6 +21,8 @@ from occ_constraints_pkg.rosbag.recording import Recording
 
 # A feature that cannot be judged in more than this share of the rows is a problem.
 TOLERATED_SHARE = 0.05
+# A recording is looked at in so many parts, to see how much they differ.
+_PARTS = 8
 
 
 @dataclass(frozen=True)
@@ -33,6 +35,8 @@ class FeatureStatistics:
         median: median of those.
         size: median of their absolute values.
         high: largest of those.
+        parts: least and largest value in each of some parts of the recording, one after the other.
+        swings: how often it went from the upper quarter of its range to the lower one, or back.
         spread: from the first to the ninety-ninth percentile of those.
         missing: share of the rows in which the value is missing or not finite.
         outside: share of the rows in which it is outside its physical bounds.
@@ -48,6 +52,8 @@ class FeatureStatistics:
     median: float
     size: float
     high: float
+    parts: tuple[tuple[float, float], ...]
+    swings: int
     spread: float
     missing: float
     outside: float
@@ -168,6 +174,34 @@ def map_statistics(
     return replace(rows.statistics(), warnings=(*rows.warnings, *doubts))
 
 
+def joint_statistics(rows: Sequence[MapRows]) -> MapStatistics:
+    """Return the statistics of the rows of one map on several recordings.
+
+    A first problem is told by the time from the start of the first recording.
+    """
+    parts = [item.statistics() for item in rows]
+    if len(parts) == 1:
+        return parts[0]
+    together = replace(
+        rows[0],
+        values=np.concatenate([item.values for item in rows]),
+        stamps_ns=np.concatenate([item.stamps_ns for item in rows]),
+        ages_ns=np.concatenate([item.ages_ns for item in rows]),
+        warnings=tuple(sentence for item in rows for sentence in item.warnings),
+    ).statistics()
+    return replace(
+        together,
+        duration_s=sum(part.duration_s for part in parts),
+        clock_jumps=sum(part.clock_jumps for part in parts),
+        features=tuple(
+            replace(
+                own, longest_still_s=max(part.features[place].longest_still_s for part in parts)
+            )
+            for place, own in enumerate(together.features)
+        ),
+    )
+
+
 def map_rows(
     recording: Recording,
     feature_map: FeatureMap,
@@ -257,6 +291,12 @@ def _feature_statistics(
         median=float(median),
         size=float(np.median(np.abs(good))) if good.size else np.nan,
         high=float(high),
+        parts=tuple(
+            (float(part.min()), float(part.max()))
+            for part in np.array_split(good, _PARTS)
+            if part.size
+        ),
+        swings=_swings(good, usual_low, usual_high),
         spread=float(usual_high - usual_low),
         missing=float(missing.mean()),
         outside=float(outside.mean()),
@@ -266,6 +306,13 @@ def _feature_statistics(
         ),
         first_problem=problem,
     )
+
+
+def _swings(values: np.ndarray, low: float, high: float) -> int:
+    """Return how often values go from the upper quarter of a range to the lower, or back."""
+    quarter = (high - low) / 4.0
+    sides = (values > high - quarter).astype(int) - (values < low + quarter)
+    return int(np.count_nonzero(np.diff(sides[sides != 0])))
 
 
 def _reason(

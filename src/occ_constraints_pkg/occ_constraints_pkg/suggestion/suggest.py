@@ -10,26 +10,34 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.features.feature_map import FeatureMap
 from occ_constraints_pkg.rosbag.recording import Recording
-from occ_constraints_pkg.suggestion.doubts import clock_doubts_of, value_doubts_of
-from occ_constraints_pkg.suggestion.families import form_families
-from occ_constraints_pkg.suggestion.heuristics import (
-    KINDS,
-    Candidate,
-    candidates_of,
-    nice_above,
-    nice_below,
+from occ_constraints_pkg.suggestion.bounds import (
+    NOISE,
+    RESOLUTIONS,
+    is_hardly_known,
+    settle_bounds,
 )
+from occ_constraints_pkg.suggestion.candidate import KINDS, Candidate
+from occ_constraints_pkg.suggestion.doubts import clock_doubts_of, some_of, value_doubts_of
+from occ_constraints_pkg.suggestion.families import form_families
 from occ_constraints_pkg.suggestion.inspection import (
     TopicInspection,
     identifier,
     inspect_topics,
     merged,
 )
-from occ_constraints_pkg.suggestion.meanings import is_turning
+from occ_constraints_pkg.suggestion.meanings import is_turning, words_of
 from occ_constraints_pkg.suggestion.robots import robots_of
-from occ_constraints_pkg.suggestion.statistics import MapRows, MapStatistics, map_rows
+from occ_constraints_pkg.suggestion.statistics import (
+    FeatureStatistics,
+    MapRows,
+    MapStatistics,
+    joint_statistics,
+    map_rows,
+)
+from occ_constraints_pkg.suggestion.structure import candidates_of
 from occ_constraints_pkg.suggestion.tracking import tracking_errors
 
 # A feature that is missing in a larger share of the rows is suggested in a comment only.
@@ -38,23 +46,19 @@ _MISSING_SHARE = 0.2
 _MISSING_ERROR_SHARE = 0.005
 # A value constant for this share of the recording, and for so many seconds, is warned of.
 _STILL_SHARE, _STILL_S = 0.3, 2.0
-# What changes by less is noise, for example of a simulation, and not a movement.
-_NOISE = 0.002
-_RESOLUTIONS = {'m/s': 0.01, 'rad/s': 0.01, 'm/s^2': 0.1, 'm': 0.01, 'rad': 0.01}
-# Values are told apart in so many steps over their range.
-_STEPS = 20
-# A limit above is not told more finely than to this part of the usual value.
-_FINEST = 50
 # Which kind of topic becomes the trigger topic, first choice first.
 _PACES = (
     *('table', 'LaserScan', 'Odometry', 'joints', 'Imu', 'pose', 'velocity', 'motion', 'force'),
     *('Range', 'error', 'numbers', 'position', 'battery', 'command'),
 )
-# A drained battery is told below what was seen by this share of the usual value, and more.
-_DRAIN_SHARE = 0.02
 # Where one of these is measured, commands are comments; those of unknown types beside anything.
 _MOTION = {'table', 'Odometry', 'velocity', 'motion', 'joints'}
 _OTHERS = set(KINDS) - {'command'}
+# Of several Imus, that of the body is used, not that of a part that moves by itself.
+_LIMBS = {
+    *('left', 'right', 'head', 'foot', 'hand', 'arm', 'leg', 'wrist', 'ankle', 'gripper'),
+    *('camera', 'cam', 'mount', 'gimbal'),
+}
 # Slower topics have an age of their own.
 _SLOW_S = 0.5
 # A second recording outside of what the first shows for more than this share of its rows is told.
@@ -68,12 +72,12 @@ class Suggestion:
     Attributes:
         name: the recordings'.
         robot: namespace of the robot; empty for the only one.
-        pace: the trigger topic; None without a feature in use.
+        pace: the trigger topic; None if no topic has a message.
         max_age: seconds.
         candidates: entries in use and entries set aside.
         unused: topics without an entry, and why each has none.
         warnings: one sentence each.
-        seen: statistics of the entries in use on the first recording.
+        seen: statistics of the entries in use on all recordings.
     """
 
     name: str
@@ -143,7 +147,6 @@ def _suggest(
     _set_aside(candidates)
     _rename(candidates)
     used = [item for item in candidates if not item.aside]
-    told: list[str] = []
     if used:
         _assess(recordings, candidates, progress)
         candidates = _ordered(
@@ -151,17 +154,22 @@ def _suggest(
         )
         _rename(candidates)
         used = [item for item in candidates if not item.aside]
-    seen, pace, max_age = MapStatistics(0, 0.0, 0.0, 0, (), ()), None, 0.5
-    if used:
+    pace: TopicInspection | None
+    while used:
         pace, max_age = _alignment(used)
         feature_map = _map(used, pace, max_age)
         rows = [map_rows(item, feature_map, progress=progress) for item in recordings]
-        if len(rows) > 1 and _compare(used, rows, [item.name for item in recordings], told):
-            used = [item for item in used if not item.aside]
-            pace, max_age = _alignment(used)
-            feature_map = _map(used, pace, max_age)
-            rows = [map_rows(item, feature_map, progress=progress) for item in recordings]
-        seen = rows[0].statistics()
+        seen = joint_statistics(rows)
+        told, changed = _compare(used, rows, [item.name for item in recordings])
+        if not changed:
+            break
+        used = [item for item in used if not item.aside]
+    else:
+        seen, told = MapStatistics(0, 0.0, 0.0, 0, (), ()), []
+        pace, max_age = next((topic for topic in topics.values() if topic.count), None), 0.5
+        if candidates:
+            # For whoever uses one of them all the same.
+            pace, max_age = _alignment(candidates)
     named = {item.topic.name for item in candidates}
     return Suggestion(
         name=', '.join(recording.name for recording in recordings),
@@ -197,14 +205,23 @@ def _reason(topic: TopicInspection, robot: str) -> str:
         return 'it is in the namespace of no robot'
     if topic.series:
         return 'none of its numbers is known to tell a danger'
+    if topic.msgtype == 'sensor_msgs/msg/PointCloud2':
+        return 'a cloud of points; a LaserScan can be made of it, with clearances'
     if any(max(lengths) for lengths in topic.lengths.values()):
         return 'it has arrays only, too long or of varying length'
-    return 'it has no number'
+    return 'it has no number' + ', only text' * topic.msgtype.endswith('/String')
 
 
 def _set_aside(candidates: Sequence[Candidate]) -> None:
     """Set aside entries that another one replaces."""
-    ordered = sorted(candidates, key=lambda item: (len(item.topic.name), item.topic.name))
+    ordered = sorted(
+        candidates,
+        key=lambda item: (
+            item.kind == 'Imu' and bool(_LIMBS & set(words_of(item.topic.name))),
+            len(item.topic.name),
+            item.topic.name,
+        ),
+    )
     first: dict[str, str] = {}
     for item in ordered:
         if item.kind in ('LaserScan', 'Odometry', 'command', 'Imu') and not item.aside:
@@ -275,7 +292,7 @@ def _alignment(
             ),
         ).topic
     )
-    periods = [item.topic.slow_period_s for item in used]
+    periods = [item.slow_period_s for item in used]
     quick = [period for period in periods if 0.0 < period <= _SLOW_S]
     max_age = max(_twice(max(quick, default=0.25)), 0.2)
     for item in used:
@@ -283,8 +300,8 @@ def _alignment(
             item.entry.pop(key, None)
         if item.topic is pace:
             continue
-        if item.topic.slow_period_s > _SLOW_S:
-            item.entry['max_age'] = _twice(item.topic.slow_period_s)
+        if item.slow_period_s > _SLOW_S:
+            item.entry['max_age'] = _twice(item.slow_period_s)
         if abs(item.topic.offset_s - pace.offset_s) > item.entry.get('max_age', max_age):
             item.entry['age_by'] = 'arrival'
     return pace, max_age
@@ -330,11 +347,16 @@ def _assess(
         # A rate is computed row by row, which takes long, and is only ever a comment.
         and 'rate' not in item.entry.get('transform', ())
     ]
-    feature_map = _map(readable, *_alignment(readable, pace))
-    found = [
-        map_rows(recording, feature_map, progress=progress).statistics().features
-        for recording in recordings
-    ]
+    try:
+        feature_map, found = _seen(recordings, readable, pace, progress)
+    except OccError:
+        _set_unreadable_aside(recordings, readable)
+        readable = [item for item in readable if not item.is_unreadable]
+        used = [item for item in readable if not item.aside]
+        if not used:
+            return
+        pace, _ = _alignment(used)
+        feature_map, found = _seen(recordings, readable, pace, progress)
     for item in readable:
         columns = _columns(item, feature_map)
         item.seen = tuple(features[column] for features in found for column in columns)
@@ -343,16 +365,43 @@ def _assess(
     _put_back(readable)
     form_families([item for item in readable if not item.aside and item.group])
     for item in readable:
-        if item.aside:
-            continue
-        if item.kind == 'Range':
-            _cap(item)
-        elif item.is_flag:
-            item.entry.setdefault('bounds', [0, None])
-        elif item.role is not None:
-            _limit(item)
-        elif 'sectors' not in item.entry and item.kind != 'table':
-            _round(item)
+        if not item.aside:
+            settle_bounds(item)
+
+
+def _seen(
+    recordings: Sequence[Recording],
+    readable: Sequence[Candidate],
+    pace: TopicInspection,
+    progress: Callable[[int, int], None] | None,
+) -> tuple[FeatureMap, list[tuple[FeatureStatistics, ...]]]:
+    """Return a map of candidates, and the statistics of its features on each recording."""
+    feature_map = _map(readable, *_alignment(readable, pace))
+    return feature_map, [
+        map_rows(recording, feature_map, progress=progress).statistics().features
+        for recording in recordings
+    ]
+
+
+def _set_unreadable_aside(recordings: Sequence[Recording], candidates: Sequence[Candidate]) -> None:
+    """Set aside what some message does not allow to be read, such as an array that is too short."""
+    for topic in {item.topic.name: item.topic for item in candidates}.values():
+        for recording in recordings:
+            _halve(recording, [item for item in candidates if item.topic is topic])
+
+
+def _halve(recording: Recording, candidates: Sequence[Candidate]) -> None:
+    """Set aside those of a topic's candidates that cannot be read from a recording."""
+    left = [item for item in candidates if not item.is_unreadable]
+    try:
+        if left:
+            map_rows(recording, _map(left, *_alignment(left)))
+    except OccError as error:
+        if len(left) > 1:
+            _halve(recording, left[: len(left) // 2])
+            _halve(recording, left[len(left) // 2 :])
+        else:
+            left[0].is_unreadable, left[0].aside = True, left[0].aside or str(error)
 
 
 def _put_back(candidates: Sequence[Candidate]) -> None:
@@ -376,7 +425,7 @@ def _flaw(item: Candidate) -> tuple[str, bool]:
         is_stuck = all(seen.is_constant and seen.low < seen.source.high for seen in item.seen)
         return ('constant in every sector', True) if is_stuck else ('', False)
     low, high = min(seen.low for seen in item.seen), max(seen.high for seen in item.seen)
-    least = 0.0 if item.kind == 'table' else _RESOLUTIONS.get(item.entry['unit'], _NOISE)
+    least = 0.0 if item.kind == 'table' else RESOLUTIONS.get(item.entry['unit'], NOISE)
     if item.role is not None and (not item.role.resolution or item.moves):
         least = 0.0
     if not high - low > least:
@@ -385,85 +434,16 @@ def _flaw(item: Candidate) -> tuple[str, bool]:
     return '', False
 
 
-def _cap(item: Candidate) -> None:
-    """Make all that is further off than usual the same, so that no rule forbids open space."""
-    median, high = item.seen[0].median, max(seen.high for seen in item.seen)
-    cap = nice_below((median + high) / 2.0)
-    if math.isfinite(high) and 'bounds' in item.entry:
-        item.entry |= {'transform': [{'clip': [0, cap]}], 'bounds': [0, cap]}
-        item.remark += f', and more than {cap:g} m as {cap:g} m'
-
-
-def _round(item: Candidate) -> None:
-    """Give a measured quantity a resolution, so that no bound is a matter of noise."""
-    span = max(seen.high for seen in item.seen) - min(seen.low for seen in item.seen)
-    steps = item.entry.get('transform', [])
-    if not span > _NOISE or any(isinstance(step, dict) for step in steps):
-        return
-    # A jolt at the start, as of a simulation, says nothing of how finely values are to be told.
-    usual = max(seen.spread for seen in item.seen)
-    known = _RESOLUTIONS.get(item.entry['unit'], 0.0)
-    step = max(known, nice_above((usual or span) / _STEPS))
-    item.entry['transform'] = [*steps, {'round': step}]
-
-
-def _limit(item: Candidate) -> None:
-    """Give a quantity a resolution, and leave only the bounds that mean a danger."""
-    role, members = item.role, item.family_seen or item.seen
-    assert role is not None
-    steps = list(item.entry.get('transform', []))
-    low, high = min(seen.low for seen in members), max(seen.high for seen in members)
-    median = max(seen.median for seen in members)
-    if role.is_magnitude:
-        steps = [*(step for step in steps if step != 'abs'), 'abs']
-        low, high = (
-            (0.0 if low <= 0.0 <= high else min(abs(low), abs(high))),
-            max(abs(low), abs(high)),
-        )
-        median = max(seen.size for seen in members)
-    step = max(nice_above((high - low) / role.steps), role.resolution)
-    if role.side == 'above':
-        step = max(step, nice_above(median / _FINEST))
-    if role.drains:
-        # A drive shows a part of the way down, and the next one goes on from there.
-        end = low - (high - low) - abs(median) * _DRAIN_SHARE
-        size = 10.0 ** (math.floor(math.log10(max(abs(end), 1e-9))) - 2)
-        end = float(f'{math.floor(end / size) * size:.12g}')
-        item.entry |= {'transform': [*steps, {'clip': [None, end]}], 'bounds': [None, end]}
-        item.remark = (
-            f'more than {end:g} counts as {end:g}: the lowest that was shown, less what was used, '
-            'for the next drive goes on from there'
-        )
-        return
-    steps.append({'round': step})
-    count = round(median / step)
-    if role.side == 'above' and count * step > high:
-        count -= 1
-    elif role.side == 'below' and count * step < low:
-        count += 1
-    end = float(f'{count * step:.12g}')
-    if role.side == 'above':
-        steps.append({'clip': [end, None]})
-        item.entry['bounds'] = [end, None]
-    elif role.side == 'below':
-        steps.append({'clip': [None, end]})
-        item.entry['bounds'] = [None, end]
-    item.entry['transform'] = steps
-    if role.side != 'both':
-        way, other = ('less', 'below') if role.side == 'above' else ('more', 'above')
-        note = f'{way} than {end:g} counts as {end:g}, so that no rule is about values {other}'
-        item.remark = f'{item.remark}. {note[0].upper()}{note[1:]}' if item.remark else note
-
-
 def _compare(
-    used: Sequence[Candidate], rows: Sequence[MapRows], names: Sequence[str], told: list[str]
-) -> bool:
+    used: Sequence[Candidate], rows: Sequence[MapRows], names: Sequence[str]
+) -> tuple[list[str], bool]:
     """Tell what would be flagged in one recording by the others; set aside mere offsets.
 
     Returns:
-        Whether something was set aside.
+        A sentence for each feature of which one recording shows more, and whether something was
+        set aside.
     """
-    changed = False
+    told, changed = [], False
     for item in used:
         places = _columns(item, rows[0].feature_map)
         columns = [part.values[:, places] for part in rows]
@@ -484,14 +464,14 @@ def _compare(
                 f'{np.nanmax(own):.4g})'
             )
             shift = abs(float(np.nanmedian(own)) - float(np.nanmedian(first)))
-            drains = item.role is not None and item.role.drains
+            drains = item.role is not None and item.role.left > 0.0
             if not drains and shift > max(span, other) and 0.5 * span <= other <= 2.0 * span:
                 item.aside, changed = f'{what}: it differs by an offset only', True
                 break
             strangers.append((strange, what))
         if strangers and not item.aside:
             told.append(_strangeness(strangers))
-    return changed
+    return told, changed
 
 
 def _strangeness(strangers: Sequence[tuple[float, str]]) -> str:
@@ -531,6 +511,12 @@ def _warnings(
                 f'the poses of {name} are in the frame map, which jumps when the robot '
                 'relocalizes; they are not used'
             )
+    few = [item.entry['name'] for item in used if is_hardly_known(item)]
+    if few:
+        yield (
+            f'{some_of(few)} {"goes" if len(few) == 1 else "go"} to and fro too seldom to know '
+            'how far: record longer, or give more recordings, before anything is learned'
+        )
     for item in used:
         # As read, for a resolution makes a steady value of one that hardly changes.
         for part in () if item.is_flag else item.seen:

@@ -11,7 +11,8 @@ import textwrap
 from collections.abc import Sequence
 from typing import Any
 
-from occ_constraints_pkg.suggestion.heuristics import Candidate
+from occ_constraints_pkg.suggestion.candidate import Candidate
+from occ_constraints_pkg.suggestion.families import coupled_pairs
 from occ_constraints_pkg.suggestion.statistics import FeatureStatistics, MapStatistics
 from occ_constraints_pkg.suggestion.suggest import Suggestion
 from occ_constraints_pkg.terminal import printable
@@ -25,15 +26,16 @@ _NOT_TEXT = {'true', 'false', 'null', 'yes', 'no', 'on', 'off', 'y', 'n'}
 def suggestion_text(suggestion: Suggestion) -> str:
     """Return a suggested map as the text of a YAML file that loads as it is.
 
-    Without a feature in use it says why, and lacks what a map needs.
+    Without a feature in use it says why; it loads as soon as one is added.
     """
     pace, seen = suggestion.pace, suggestion.seen
     of_robot = f', robot {suggestion.robot}' if suggestion.robot else ''
     told = (
         f'{seen.rows} rows in {seen.duration_s:.1f} s, of which {seen.usable:.1%} can be judged. '
         'Read it, delete what does not matter, and uncomment what does.'
-        if pace is not None
-        else 'no feature can be used as it is. Uncomment what should be, and name the pace.'
+        if suggestion.used
+        else 'no feature can be used as it is. The map loads when one is added; each topic below '
+        'says what is in the way.'
     )
     lines = [
         *_comment(f'Suggested from {suggestion.name}{of_robot}: {told}'),
@@ -60,6 +62,13 @@ def suggestion_text(suggestion: Suggestion) -> str:
             lines += ['', *_about(item)]
         lines += _item(item.entry)
         family = own
+    pairs = coupled_pairs(suggestion.used)
+    if pairs:
+        lines += [
+            '',
+            *_comment('Tied by the dynamics of a joint or sensor: no rule combines them.'),
+        ]
+        lines += ['apart:', *(f'- {_flow(list(pair))}' for pair in pairs)]
     aside = [item for item in suggestion.candidates if item.aside]
     if aside:
         lines += ['', *_comment('Not used, each for the reason given:')]

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from occ_constraints_pkg.suggestion.heuristics import Candidate
+from occ_constraints_pkg.suggestion.candidate import Candidate, label_of
 from occ_constraints_pkg.suggestion.meanings import ROLES, words_of
 
 # Roles of which a command and a measurement are compared.
@@ -40,7 +40,9 @@ def _named(candidates: Sequence[Candidate]) -> Iterator[Candidate]:
             if item.entry['name'] == measured and item.kind not in ('command', 'position')
         ]
         if orders and values:
-            yield _difference(orders[0], values[0], name)
+            found = _difference(orders[0], values[0], name)
+            found.coupled = values[0].coupled = measured
+            yield found
 
 
 def _joints(candidates: Sequence[Candidate]) -> Iterator[Candidate]:
@@ -56,7 +58,7 @@ def _joints(candidates: Sequence[Candidate]) -> Iterator[Candidate]:
         if own is not None and item.group in ('position', 'velocity'):
             name = f'{item.group}_error_{item.entry["name"].removeprefix(item.group + "_")}'
             found = _difference(item, own, name)
-            found.group = f'{item.group}_error'
+            found.group, found.coupled = f'{item.group}_error', label_of(own.entry['field'])
             yield found
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 import re
 import time
+from collections.abc import Sequence
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -95,6 +96,12 @@ def report_message(
     message = DiagnosticArray(status=[status(name, _LEVELS[state], text, values)])
     message.header.stamp = to_time(stamp_ns)
     return message
+
+
+def sensor_status(name: str, doubts: Sequence[str]) -> DiagnosticStatus:
+    """Return what about the sensors is likely not so; ``OK`` without a doubt."""
+    level = DiagnosticStatus.WARN if doubts else DiagnosticStatus.OK
+    return status(name, level, '; '.join(doubts) or 'no doubt')
 
 
 def read_verdict(message: DiagnosticArray) -> tuple[Verdict, float, str]:

@@ -17,6 +17,7 @@ from occ_constraints_pkg.features.feature_map import FeatureMap
 from occ_constraints_pkg.features.fields import header_stamp_ns
 from occ_constraints_pkg.features.serialized_tables import TableMessage
 from occ_constraints_pkg.nodes.monitor.markers import Sector
+from occ_constraints_pkg.nodes.monitor.sensor_doubts import SensorDoubts
 from occ_constraints_pkg.ros.clocks import ArrivalClock
 from occ_constraints_pkg.ros.mapped_topics import MappedTopics
 from occ_constraints_pkg.ros.node import OccNode
@@ -32,11 +33,13 @@ class TimeLimits:
             not of tables, whose stamps identify steps.
         max_lag: how late a message may come (see
             :class:`~occ_constraints_pkg.features.lateness.Lateness`); likewise.
+        frozen_after: how long a value may stay the same until it is told as frozen; 0 for ever.
     """
 
     timeout: float
     max_lead: float
     max_lag: float
+    frozen_after: int = 0
 
 
 class Inputs:
@@ -66,8 +69,9 @@ class Inputs:
         self._refreshed = node.steady_seconds()
         self._extractor = FeatureExtractor(feature_map, limits.max_lag)
         self._topics = MappedTopics(node, feature_map, callback)
-        # Of each topic the newest message, for its frame.
+        # Of each topic the newest message, for its frame and its ranges.
         self._newest: dict[str, Any] = {}
+        self._doubts = SensorDoubts(feature_map, limits.frozen_after)
 
     @property
     def feature_map(self) -> FeatureMap:
@@ -86,6 +90,7 @@ class Inputs:
         topics = MappedTopics(self._node, feature_map, self._callback)
         self._topics.close()
         self._topics, self._extractor = topics, extractor
+        self._doubts = SensorDoubts(feature_map, self._limits.frozen_after)
         self.refresh()
 
     def close(self) -> None:
@@ -143,6 +148,10 @@ class Inputs:
     def sectors(self) -> Iterator[Sector]:
         """Yield the features that are sectors of a scan, in the frames of their newest messages."""
         return located_sectors(self.feature_map, self._newest)
+
+    def doubts(self) -> list[str]:
+        """Return what about the newest messages is likely not so; to be called once a second."""
+        return list(self._doubts.look(*self._extractor.newest(), self._newest))
 
     def _check_stamp(self, topic: str, message: Any, now_ns: int) -> None:
         if not self._max_lead_ns or topic in self.feature_map.table_topics:

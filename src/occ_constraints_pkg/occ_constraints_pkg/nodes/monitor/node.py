@@ -107,6 +107,12 @@ class Monitor(ManagedNode):
             'seconds over which rates of change are estimated',
             low=0.001,
         )
+        self.setting(
+            'frozen_after',
+            10,
+            'seconds without any change after which a value is told as frozen; 0: never',
+            low=0,
+        )
         for name, description in _DEBOUNCE.items():
             self.setting(name, 1, description, low=1)
         self.live_setting('disabled_rules', [], 'ids of rules to disable')
@@ -202,7 +208,8 @@ class Monitor(ManagedNode):
         # All that may fail comes first; then rules and topics change together.
         rules = self._rules.prepare(constraints, where, strict=strict)
         self._rules.save_counts()
-        limits = (self.value(name) for name in ('timeout', 'max_lead', 'max_lag'))
+        names = ('timeout', 'max_lead', 'max_lag', 'frozen_after')
+        limits = (self.value(name) for name in names)
         self._pipeline.subscribe(feature_map, TimeLimits(*limits))
         self._rules.use(rules)
         self._pipeline.reset('no input since the rules came')
@@ -243,7 +250,10 @@ class Monitor(ManagedNode):
             values['rule_set'] = rule_set.fingerprint
             if rule_set.rules and self.is_active:
                 self._outputs.publish_rule_stats(self._rules.counts, now)
-        self._outputs.publish_report(self._pipeline.state, self._pipeline.problem, values, now)
+        doubts = self._pipeline.doubts()
+        self._outputs.publish_report(
+            self._pipeline.state, self._pipeline.problem, values, doubts, now
+        )
 
     def _on_prune(self, _request: Any, response: Any) -> Any:
         try:

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -22,6 +22,7 @@ from occ_constraints_pkg.features.table import Table
 from occ_constraints_pkg.features.table_messages import TableSerializer
 from occ_constraints_pkg.nodes.monitor.diagnostics import (
     report_message,
+    sensor_status,
     unknown_message,
     violation_message,
 )
@@ -80,7 +81,7 @@ class Outputs:
         self._markers = publisher(MarkerArray, 'markers')
         self._rule_stats = publisher(PointCloud2, 'rule_stats')
         self._diagnostics = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
-        self._status_name = f'{node.get_fully_qualified_name().lstrip("/")}: judging'
+        self._name = node.get_fully_qualified_name().lstrip('/')
 
     @property
     def subscribers(self) -> int:
@@ -168,11 +169,26 @@ class Outputs:
         self._rule_stats.publish(table_message(table, stamp_ns))
 
     def publish_report(
-        self, state: Verdict, problem: str, values: dict[str, object], stamp_ns: int
+        self,
+        state: Verdict,
+        problem: str,
+        values: dict[str, object],
+        doubts: Sequence[str],
+        stamp_ns: int,
     ) -> None:
-        """Publish on ``/diagnostics`` how the monitor is doing; see `report_message`."""
-        message = report_message(self._status_name, state, problem, values, stamp_ns)
+        """Publish on ``/diagnostics`` how the monitor and its sensors are doing.
+
+        Args:
+            state: see `report_message`, as for the next two.
+            problem: why nothing is judged.
+            values: further values.
+            doubts: what about the sensors is likely not so; each is logged when it is new.
+            stamp_ns: now.
+        """
+        message = report_message(f'{self._name}: judging', state, problem, values, stamp_ns)
+        message.status.append(sensor_status(f'{self._name}: sensors', doubts))
         self._diagnostics.publish(message)
+        self._log.log_doubts(doubts)
 
 
 def features_message(answer: Answer) -> bytes:

@@ -123,6 +123,12 @@ class Pipeline:
         if self._has_timed_out:
             self._publish_unknown(self._inputs.check_timeout() or self.problem)
 
+    def doubts(self) -> list[str]:
+        """Return what about the sensors is likely not so; to be called once a second."""
+        if not self._is_active or self._inputs is None or self._has_timed_out:
+            return []
+        return self._inputs.doubts()
+
     @property
     def state(self) -> Verdict:
         """What people are shown: the steady verdict, of several robots the worst one as it is."""

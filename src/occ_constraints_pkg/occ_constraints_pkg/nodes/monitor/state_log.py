@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -16,6 +17,8 @@ from occ_constraints_pkg.rules import Judgement, RuleSet, Verdict
 # So many changes are logged at once; then one line in so many seconds sums up.
 _BURST, _SECONDS = 5, 5.0
 _CHECK_SECONDS = 0.5
+# A doubt that was gone for so many looks is logged anew.
+_FORGOTTEN = 60
 # Not those that are part of a name.
 _NUMBER = re.compile(r'(?<![\w.])-?\d[\d.]*(e[-+]?\d+)?(?!\w)')
 
@@ -34,6 +37,8 @@ class StateLog:
         self._words = ''
         # Changes that were not logged, and the newest of these that was not to SAFE.
         self._unlogged, self._worst = 0, ''
+        # Doubts that were logged, and for how many more looks they are remembered.
+        self._doubted: dict[str, int] = {}
         self._lines, self._counted = float(_BURST), node.steady_seconds()
         node.steady_timer(_CHECK_SECONDS, self._log_if_due)
 
@@ -71,6 +76,16 @@ class StateLog:
     def log_unknown(self, reason: str) -> None:
         """Log that nothing can be judged, if that is a change."""
         self._change_to_unknown(reason, 0, 1)
+
+    def log_doubts(self, doubts: Sequence[str]) -> None:
+        """Log each doubt about a sensor that is new, or was gone for a while."""
+        doubted = {doubt: looks - 1 for doubt, looks in self._doubted.items() if looks > 1}
+        for sentence in doubts:
+            doubt = _NUMBER.sub('', sentence)
+            if doubt not in doubted:
+                self._node.get_logger().warning(sentence)
+            doubted[doubt] = _FORGOTTEN
+        self._doubted = doubted
 
     def _change_to_unknown(self, reason: str, robot: int, robots: int) -> None:
         # The same reason with other numbers is no news.

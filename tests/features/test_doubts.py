@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 from occ_constraints_pkg.datasets.clocks import ClockReadings, clock_warnings
-from occ_constraints_pkg.datasets.doubts import value_doubts
 from occ_constraints_pkg.datasets.extraction import extract
 from occ_constraints_pkg.datasets.source_doubts import source_doubts
 from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.features.doubts import value_doubts
 from occ_constraints_pkg.features.extractor import FeatureExtractor
 from occ_constraints_pkg.features.feature_map import FeatureMap
 from occ_constraints_pkg.features.sources import FeatureSource

@@ -8,9 +8,9 @@ only as much counts as the larger of two: the mass that a Gaussian copula of the
 correlation has there, and the mass observed in the mirrored corner.
 
 The range of a feature may grow with another one (a force with the speed, say). Then, where the
-other is small, both ends of the feature stay empty. So where a corner's reflection at the median is as
-empty, nothing is left of either if the scatter on that other side explains it; unless the scatter
-falls off right at the corner, as it does if both are forbidden there.
+other is small, both ends of the feature stay empty. So where a corner's reflection at the median is
+as empty, nothing is left of either if the scatter on that other side explains it; unless the
+scatter falls off right at the corner, as it does if both are forbidden there.
 
 Where one feature all but determines the other (cosine and sine, distances to the left and to the
 right), corners are empty for geometry's sake, and nothing is left of any.

@@ -14,7 +14,7 @@ EPISODES = np.repeat(np.arange(60), 100)
 FREE = [-np.inf, np.inf]
 
 
-def fit(values, bounds=None, *, family=False, limits=FREE, outside=0.005):
+def fit(values, bounds=None, *, family=False, limits=FREE, outside=0.005, cuts_stay=False):
     names = range(values.shape[1])
     features = [Feature(f'x{name}', family='f' * family) for name in names]
     table = Table(values, make_units(values, features), np.arange(len(values)), EPISODES)
@@ -22,7 +22,8 @@ def fit(values, bounds=None, *, family=False, limits=FREE, outside=0.005):
     demonstrated = demonstrated_ranges(values, groups)
     bounds = demonstrated if bounds is None else np.array(bounds)
     limits = np.broadcast_to(limits, (values.shape[1], 2))
-    return demonstrated, *fit_box(table, bounds, demonstrated, limits, outside)
+    box, is_bad = fit_box(table, bounds, demonstrated, limits, outside, cuts_stay=cuts_stay)
+    return demonstrated, box, is_bad
 
 
 def levels(seed=0, features=1):
@@ -52,6 +53,20 @@ def test_bounds_that_leave_few_good_samples_outside_are_taken_back():
     nearly = np.sort(values[:, 0])[-6]
     demonstrated, box, _ = fit(values, [[values.min(), nearly]])
     assert box[0, 1] >= demonstrated[0, 1]
+
+
+def test_cut_bounds_stay_in_noise_and_where_bad_samples_are_known_of():
+    rng = np.random.default_rng(0)
+    noise = rng.normal(size=(6_000, 1))
+    cut = np.sort(noise[:, 0])[-6]
+    demonstrated, box, _ = fit(noise, [[noise.min(), cut]])
+    assert box[0, 1] == cut
+    assert box[0, 0] < demonstrated[0, 0]
+    walk = np.cumsum(rng.normal(size=(60, 100)), axis=1).reshape(-1, 1)
+    cut = np.sort(walk[:, 0])[-6]
+    demonstrated, box, _ = fit(walk, [[walk.min(), cut]], cuts_stay=True)
+    assert box[0, 1] == cut
+    assert box[0, 0] < demonstrated[0, 0]
 
 
 def test_bounds_that_leave_glitches_outside_stay():

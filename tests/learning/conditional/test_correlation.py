@@ -42,6 +42,19 @@ def test_a_correlation_explains_both_corners_and_a_rule_only_its_own():
     assert null.share_at(Cut(0, ABOVE, 0.7), Cut(1, BELOW, 0.3)) > 0.9
 
 
+def test_scatter_that_grows_with_a_feature_empties_both_corners_and_a_rule_does_too():
+    rng = np.random.default_rng(0)
+    speed, turn = rng.uniform(0.2, 3, 20_000), rng.normal(size=20_000)
+    null = CorrelationNull(sample_of(speed, speed * turn))
+    for side in (BELOW, ABOVE):
+        assert null.share_at(Cut(0, BELOW, 0.6), Cut(1, side, 2.0 * side)) == 0
+    # No sharp turns at high speed, on either side.
+    kept = ~((speed > 2) & (abs(turn) > 1))
+    null = CorrelationNull(sample_of(speed[kept], turn[kept]))
+    for side in (BELOW, ABOVE):
+        assert null.share_at(Cut(0, ABOVE, 2.0), Cut(1, side, float(side))) > 0.9
+
+
 def test_all_corners_at_once_are_as_one_by_one():
     rng = np.random.default_rng(1)
     x = rng.normal(size=5_000)

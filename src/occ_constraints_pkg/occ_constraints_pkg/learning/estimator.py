@@ -110,7 +110,7 @@ class OCTreeClassifier(OutlierMixin, BaseEstimator):
         array([ 0.37, -0.06])
         >>> for rule in detector.rule_set_.rules:
         ...     print(rule.words(detector.rule_set_.space))
-        x0 below 0.2201
+        x0 below 0.3771
         x0 above 1.576
         x1 below -1.256
         x1 above 1.3

@@ -244,7 +244,15 @@ def learn_safe_set(
     if not conditional.looks:
         return write_tree(SafeSet(tree, demonstrated, scale, limits))
     learned = learn_rules(
-        tree, training, samples.episodes, space, demonstrated, conditional, independent
+        tree,
+        training,
+        samples.episodes,
+        space,
+        demonstrated,
+        conditional,
+        independent,
+        # Of a stated share of bad samples, few beyond a bound are no reason to take it back.
+        cuts_stay=bool(settings.contamination),
     )
     return write_rules(MovableRules(learned, scale, limits))
 

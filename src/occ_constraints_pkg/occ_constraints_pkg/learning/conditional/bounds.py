@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from occ_constraints_pkg.learning.conditional.margins import outward_margin
+from occ_constraints_pkg.learning.conditional.margins import is_noise, outward_margin
 from occ_constraints_pkg.learning.conditional.table import Table
 from occ_constraints_pkg.learning.conditional.tails import find_glitches, flat_tails
 from occ_constraints_pkg.learning.conditional.units import ABOVE, BELOW, Unit
@@ -49,6 +49,8 @@ def fit_box(
     demonstrated: np.ndarray,
     limits: np.ndarray,
     outside: float | None,
+    *,
+    cuts_stay: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Move the bounds of a box.
 
@@ -62,6 +64,7 @@ def fit_box(
         limits: (k, 2) physical bounds.
         outside: share of the time that a fresh episode may spend outside; each bound has an equal
             part. ``None`` moves nothing outward.
+        cuts_stay: whether to move outward only what lies at a demonstrated extreme.
 
     Returns:
         (k, 2) the box; and (n,) bool, the rows that are glitches in several features at once. One
@@ -85,7 +88,10 @@ def fit_box(
         if number not in bounded:
             continue
         for side in unit.sides:
-            if outside is not None:
+            end = 0 if side == BELOW else 1
+            first = unit.columns[0]
+            is_cut = box[first, end] != demonstrated[first, end]
+            if outside is not None and not (is_cut and cuts_stay):
                 _move_outward(
                     box, unit, side, column, is_glitch, table, demonstrated, limits, outside / sides
                 )
@@ -127,6 +133,9 @@ def _move_outward(
     if bound != extreme:
         beyond = column < bound if side == BELOW else column > bound
         if beyond.mean() > share or 2 * is_glitch[beyond].sum() > beyond.sum():
+            return
+        # Noise is beyond in fresh episodes as often as in these.
+        if is_noise(column, table.goes_on):
             return
         bound = extreme
     margin = outward_margin(side * column, table.episode_numbers, share)

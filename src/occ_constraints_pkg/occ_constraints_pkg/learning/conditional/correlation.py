@@ -7,11 +7,18 @@ rule empties one corner and not its mirror image. So of what independence would 
 only as much counts as the larger of two: the mass that a Gaussian copula of the same rank
 correlation has there, and the mass observed in the mirrored corner.
 
+The range of a feature may grow with another one (a force with the speed, say). Then, where the
+other is small, both ends of the feature stay empty. So where a corner's reflection at the median is
+as empty, nothing is left of either if the scatter on that other side explains it; unless the
+scatter falls off right at the corner, as it does if both are forbidden there.
+
 Where one feature all but determines the other (cosine and sine, distances to the left and to the
 right), corners are empty for geometry's sake, and nothing is left of any.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import ndtri
@@ -27,6 +34,13 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
 # demonstrators keep come to about 0.4, a Gaussian correlation of 0.9 to 0.7, a circle to 0.9.
 _DETERMINED = 0.75
 _CELLS = 8
+# The scatter of fewer rows is not known.
+_LEAST_SCATTERED = 30
+_SCATTER_CELLS = 64
+# It falls off towards a corner if it is at most this share as large near it as far from it. Where
+# no more than a share of the corner is left by it, nothing is.
+_SMALLER = 0.85
+_EXPLAINED = 0.5
 
 
 def gaussian_corner(lower: np.ndarray, other: np.ndarray, rho: float) -> np.ndarray:
@@ -45,6 +59,26 @@ def gaussian_corner(lower: np.ndarray, other: np.ndarray, rho: float) -> np.ndar
     with np.errstate(invalid='ignore'):
         density = np.exp(-(h * h + k * k - 2 * np.sin(t) * h * k) / (2 * np.cos(t) ** 2))
     return np.outer(lower, other) + np.nan_to_num(density) @ weights / (2 * np.pi)
+
+
+@dataclass(frozen=True)
+class _Ends:
+    """Ends of a unit, of various widths.
+
+    Attributes:
+        unit: its position.
+        side: which of its ends.
+        mass: (a,) share of the rows in each.
+    """
+
+    unit: int
+    side: int
+    mass: np.ndarray
+
+    @property
+    def opposite(self) -> _Ends:
+        """The same at the other end."""
+        return _Ends(self.unit, -self.side, self.mass)
 
 
 class CorrelationNull:
@@ -112,17 +146,15 @@ class CorrelationNull:
             return out
         if self.is_determined(i, j):
             return np.zeros_like(out)
-        rho = self.correlation(i, j)
         for side in (BELOW, ABOVE):
             for other_side in (BELOW, ABOVE):
                 rows = np.flatnonzero(one.sides == side)
                 columns = np.flatnonzero(other.sides == other_side)
                 if len(rows) and len(columns):
                     mass, other_mass = one.mass[rows], other.mass[columns]
-                    copula = gaussian_corner(mass, other_mass, rho * side * other_side)
-                    mirrored = self._mirrored(i, side, mass, j, other_side, other_mass)
-                    share = np.maximum(copula, mirrored) / np.outer(mass, other_mass)
-                    out[np.ix_(rows, columns)] = np.clip(share, 0.0, 1.0)
+                    out[np.ix_(rows, columns)] = self._left(
+                        _Ends(i, side, mass), _Ends(j, other_side, other_mass)
+                    )
         return out
 
     def share_at(self, cut: Cut, other: Cut) -> float:
@@ -135,31 +167,90 @@ class CorrelationNull:
             return 0.0
         if self.is_determined(cut.unit, other.unit):
             return 0.0
-        rho = self.correlation(cut.unit, other.unit) * cut.side * other.side
-        copula = gaussian_corner(mass, other_mass, rho)
-        mirrored = self._mirrored(cut.unit, cut.side, mass, other.unit, other.side, other_mass)
-        most = np.maximum(copula, mirrored)
-        return float(np.clip(most / np.outer(mass, other_mass), 0.0, 1.0)[0, 0])
+        one, another = _Ends(cut.unit, cut.side, mass), _Ends(other.unit, other.side, other_mass)
+        return float(self._left(one, another)[0, 0])
 
-    def _mirrored(
-        self,
-        i: int,
-        side: int,
-        mass: np.ndarray,
-        j: int,
-        other_side: int,
-        other_mass: np.ndarray,
-    ) -> np.ndarray:
-        """Return the share of the rows in the corners of the same masses at the other ends."""
-        ranks = self._sample.ranks
-        one = ranks[i] if side == ABOVE else 1 - ranks[i]
-        other = ranks[j] if other_side == ABOVE else 1 - ranks[j]
-        order, other_order = np.argsort(mass), np.argsort(other_mass)
-        width = len(other_mass) + 1
-        cells = np.searchsorted(mass[order], one) * width
-        cells += np.searchsorted(other_mass[other_order], other)
-        counts = np.bincount(cells, minlength=(len(mass) + 1) * width).reshape(-1, width)
-        out = np.empty((len(mass), len(other_mass)))
-        below = counts.cumsum(axis=0).cumsum(axis=1)[:-1, :-1] / len(one)
+    def _left(self, one: _Ends, other: _Ends) -> np.ndarray:
+        """Return what is left of the mass of the corners of two units' ends: (a, b)."""
+        rho = self.correlation(one.unit, other.unit) * one.side * other.side
+        independent = np.outer(one.mass, other.mass)
+        copula = gaussian_corner(one.mass, other.mass, rho)
+        mirrored = self._seen(one.opposite, other.opposite)
+        share = np.maximum(copula, mirrored) / independent
+        for ends, others, turned in ((one, other, False), (other, one, True)):
+            scatter = self._scatter_leaves(ends, others)
+            share = np.minimum(share, scatter.T if turned else scatter)
+        return np.clip(share, 0.0, 1.0)
+
+    def _seen(self, one: _Ends, other: _Ends) -> np.ndarray:
+        """Return the share of the rows in the corners of two units' ends: (a, b)."""
+        ranks = self._ranks_from(one), self._ranks_from(other)
+        order, other_order = np.argsort(one.mass), np.argsort(other.mass)
+        width = len(other.mass) + 1
+        cells = np.searchsorted(one.mass[order], ranks[0]) * width
+        cells += np.searchsorted(other.mass[other_order], ranks[1])
+        counts = np.bincount(cells, minlength=(len(one.mass) + 1) * width).reshape(-1, width)
+        out = np.empty((len(one.mass), len(other.mass)))
+        below = counts.cumsum(axis=0).cumsum(axis=1)[:-1, :-1] / len(ranks[0])
         out[np.ix_(order, other_order)] = below
         return out
+
+    def _ranks_from(self, ends: _Ends) -> np.ndarray:
+        """Return the (n,) ranks of a unit counted from the side of its ends."""
+        ranks = self._sample.ranks[ends.unit]
+        return ranks if ends.side == BELOW else 1 - ranks
+
+    def _scatter_leaves(self, one: _Ends, other: _Ends) -> np.ndarray:
+        """Return what is left if the scatter of the other unit depends on the one.
+
+        Returns:
+            (a, b) 0 where that explains most of the emptiness, else 1.
+        """
+        column = self._sample.columns[other.unit]
+        from_middle = other.side * (column - np.median(column))
+        scale = self._scatter(one, from_middle)
+        ordered = np.sort(from_middle)
+        places = (len(ordered) * (1 - other.mass)).astype(np.int64).clip(0, len(ordered) - 1)
+        bounds = ordered[places]
+        # Were the scatter the same as elsewhere, the bound would have to be so much farther out.
+        farther = bounds / scale[:, None]
+        scaled = 1 - np.searchsorted(ordered, farther) / len(ordered)
+        reflected = self._seen(one, other.opposite) / np.outer(one.mass, other.mass)
+        left = np.maximum(scaled / other.mass, reflected)
+        return np.where((bounds > 0) & (left < _EXPLAINED), 0.0, 1.0)
+
+    def _scatter(self, ends: _Ends, from_middle: np.ndarray) -> np.ndarray:
+        """Return how far values scatter on the negative side, within each end of a unit.
+
+        Args:
+            ends: where.
+            from_middle: (n,) distances of a column from its median.
+
+        Returns:
+            (a,) median distances as shares of that of all rows; 1 where they are larger, and where
+            those in the nearer half of the other rows are not smaller than in the farther half.
+        """
+        negative = from_middle < 0
+        distances = -from_middle[negative]
+        if len(distances) < _LEAST_SCATTERED:
+            return np.ones(len(ends.mass))
+        ordered = np.sort(distances)
+        edges = np.unique(ordered[len(ordered) * np.arange(1, _SCATTER_CELLS) // _SCATTER_CELLS])
+        beside = (1 + ends.mass) / 2
+        levels = np.unique(np.concatenate((ends.mass, beside)))
+        cells = np.searchsorted(levels, self._ranks_from(ends)[negative]) * (len(edges) + 1)
+        cells += np.searchsorted(edges, distances, side='right')
+        counts = np.bincount(cells, minlength=(len(levels) + 1) * (len(edges) + 1))
+        within = counts.reshape(len(levels) + 1, -1).cumsum(axis=0)
+        middles = np.append(edges, ordered[-1]) / ordered[len(ordered) // 2]
+
+        def median(counts: np.ndarray) -> np.ndarray:
+            total = counts.sum(axis=1)
+            at = (2 * counts.cumsum(axis=1) < total[:, None]).sum(axis=1)
+            return np.where(total < _LEAST_SCATTERED, 1.0, middles[np.minimum(at, len(edges))])
+
+        inside = within[np.searchsorted(levels, ends.mass)]
+        nearer = within[np.searchsorted(levels, beside)]
+        near, far = median(nearer - inside), median(within[-1] - nearer)
+        scale = np.where(near <= _SMALLER * far, median(inside), 1.0)
+        return np.clip(scale, np.finfo(float).tiny, 1.0)

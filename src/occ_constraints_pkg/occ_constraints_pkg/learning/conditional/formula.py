@@ -50,6 +50,8 @@ def learn_rules(
     demonstrated: np.ndarray,
     settings: ConditionalSettings,
     independent: np.ndarray | None,
+    *,
+    cuts_stay: bool,
 ) -> LearnedRules:
     """Learn conditional rules within the box of a tree.
 
@@ -61,6 +63,7 @@ def learn_rules(
         demonstrated: (k, 2) smallest and largest values; families share them.
         settings: of the learner of conditional rules.
         independent: (n,) what evidence is counted by; ``None`` for episodes.
+        cuts_stay: whether bounds within what was demonstrated stay where they are.
 
     Raises:
         ConfigurationError: ``apart`` has an unknown name.
@@ -73,6 +76,7 @@ def learn_rules(
         settings,
         bounds=_within(leaf, demonstrated),
         recordings=independent,
+        cuts_stay=cuts_stay,
     )
 
 

@@ -42,6 +42,7 @@ def learn_conditional(
     *,
     bounds: np.ndarray,
     recordings: np.ndarray | None = None,
+    cuts_stay: bool = False,
 ) -> LearnedRules:
     """Learn the safe set of demonstrations.
 
@@ -56,6 +57,8 @@ def learn_conditional(
             :func:`~occ_constraints_pkg.learning.conditional.bounds.fit_box`.
         recordings: (n,) the recording of each sample, where several episodes share one: what
             happens in one recording proves things only once. ``None``: episodes are independent.
+        cuts_stay: whether bounds within what was demonstrated stay where they are, because it is
+            known that some of the samples are bad.
 
     Raises:
         DataError: shapes do not fit, or a value is not finite.
@@ -68,7 +71,9 @@ def learn_conditional(
     limits = np.array([(feature.low, feature.high) for feature in features])
     groups = [*families_of(features).values(), *((one,) for one in range(len(features)))]
     demonstrated = demonstrated_ranges(values, groups)
-    box, is_bad = fit_box(table, bounds, demonstrated, limits, settings.outside)
+    box, is_bad = fit_box(
+        table, bounds, demonstrated, limits, settings.outside, cuts_stay=cuts_stay
+    )
     rules: tuple[ConditionalRule, ...] = ()
     if units:
         kept = inside_box(values, box, demonstrated)[table.order]

@@ -48,7 +48,10 @@ def add_recordings(
         own = sources == place
         if not own.any():
             continue
-        violations = [item for item in timeline.violations if item.source == place]
+        violations = sorted(
+            (item for item in timeline.violations if item.source == place),
+            key=lambda item: (item.start, item.episode, item.rule),
+        )
         unknown = [item for item in timeline.unknown if item.source == place]
         begin, end = _span(timeline, own)
         cells = verdict_cells(timeline, own, begin, end)
@@ -97,6 +100,7 @@ def add_recordings(
     page.add(Section('Recordings', body, 'recordings'))
     page.data['recordings'] = documents
     page.data['unit'] = 's' if timeline.unit == 's' else 'rows'
+    page.data['thinned'] = len(kept) < len(timeline.data)
     page.data['context'] = CONTEXT_SECONDS if timeline.unit == 's' else 20
     page.data['cells'] = CELLS
 
@@ -181,7 +185,7 @@ def _rows(timeline: Timeline, subjects: Subjects, rows: np.ndarray) -> dict[str,
         'times': packed(timeline.starts[rows], np.float64),
         'lengths': packed(timeline.valid_for[rows], np.float32),
         'episodes': packed(data.episodes[rows], np.int32),
-        'known': packed(timeline.judgement.verdict[rows] != Verdict.UNKNOWN, np.uint8),
+        'known': packed(subjects.knows(data.values[rows]), np.uint8),
         'columns': [packed(values, np.float64) for values in subjects.values(data.values[rows])],
     }
 

@@ -71,7 +71,8 @@ def report(
     checked = import_needed('occ report', 'occ_constraints_pkg.report.checked')
     title = title or named_title(paths or inputs or (str(training),))
     if constraints is None:
-        page = pages.Page(title)
+        trainings = import_needed('occ report --training', 'occ_constraints_pkg.report.training')
+        page = trainings.training_page(title, training)
     else:
         from occ_constraints_pkg.checking.timeline import (
             BRIDGE_SECONDS,
@@ -105,10 +106,10 @@ def report(
             sources=sources,
             settings=settings if paths else {},
         )
-    if training is not None:
-        import_needed('occ report --training', 'occ_constraints_pkg.report.training').add_training(
-            page, training
-        )
+        if training is not None:
+            import_needed(
+                'occ report --training', 'occ_constraints_pkg.report.training'
+            ).add_training(page, training)
     pages.write_page(page, output)
     if as_json:
         print_json(

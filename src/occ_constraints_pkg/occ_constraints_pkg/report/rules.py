@@ -4,9 +4,7 @@
 
 from __future__ import annotations
 
-import base64
 import io
-from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -15,7 +13,14 @@ from matplotlib import pyplot as plt
 from occ_constraints_pkg.learning.evidence import describe_why, why_document
 from occ_constraints_pkg.learning.rules_picture import rules_figure
 from occ_constraints_pkg.learning.rules_text import describe_guarantee
-from occ_constraints_pkg.report.page import Page, Section, facts_section, render, table_section
+from occ_constraints_pkg.report.page import (
+    Page,
+    Section,
+    facts_section,
+    picture_section,
+    render,
+    table_section,
+)
 from occ_constraints_pkg.report.subjects import Subjects, rules_data
 from occ_constraints_pkg.rules.constraints_file import Constraints
 from occ_constraints_pkg.rules.rule import Rule
@@ -70,40 +75,13 @@ def add_provenance(page: Page, constraints: Constraints) -> None:
         'edited by people': constraints.is_edited,
         **constraints.learner,
     }
-    page.add(facts_section('How the rules were learned', dict(_flat(facts)), id='provenance'))
+    page.add(facts_section('How the rules were learned', facts, id='provenance'))
     bags = constraints.provenance.get('bags', ())
     if bags:
         names = list(dict.fromkeys(name for bag in bags for name in bag))
         rows = [[bag.get(name, '') for name in names] for bag in bags]
         titles = [{'sha256': 'SHA-256'}.get(name, name.replace('_', ' ')) for name in names]
         page.add(table_section('Demonstrations', titles, rows, id='demonstrations'))
-
-
-def _flat(facts: Mapping[str, Any], before: str = '') -> Iterator[tuple[str, str]]:
-    """Yield names and values as people read them, those of nested documents one by one."""
-    for key, value in facts.items():
-        name = before + str(key).replace('_', ' ')
-        if isinstance(value, Mapping):
-            yield from _flat(value, f'{name}: ')
-        elif isinstance(value, bool):
-            yield name, 'yes' if value else 'no'
-        elif isinstance(value, list | tuple):
-            yield name, ', '.join(map(str, value)) or 'none'
-        else:
-            yield name, 'none' if value is None else str(value)
-
-
-def picture_section(title: str, png: bytes, words: str, *, id: str) -> Section:
-    """Return a section with a picture.
-
-    Args:
-        title: the heading.
-        png: the picture.
-        words: what it shows, for those who cannot see it, too.
-        id: the anchor.
-    """
-    source = 'data:image/png;base64,' + base64.b64encode(png).decode('ascii')
-    return Section(title, render('picture.html.j2', source=source, words=words), id)
 
 
 def _entry(constraints: Constraints, subjects: Subjects, rule: Rule) -> dict[str, Any]:

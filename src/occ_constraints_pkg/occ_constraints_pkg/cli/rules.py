@@ -248,6 +248,7 @@ def check(
             constraints,
             loaded,
             timeline=timeline,
+            bridge=bridge,
             settings={'timeout [s]': timeout, 'bridge [s]': bridge, 'largest lag [s]': max_lag},
         )
         import_needed('occ check --html', 'occ_constraints_pkg.report.page').write_page(page, html)

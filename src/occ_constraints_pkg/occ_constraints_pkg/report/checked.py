@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from occ_constraints_pkg import __version__
-from occ_constraints_pkg.checking.timeline import Timeline
+from occ_constraints_pkg.checking.timeline import BRIDGE_SECONDS, Timeline
 from occ_constraints_pkg.files import sha256_of
 from occ_constraints_pkg.report.page import Page, facts_section, table_section
 from occ_constraints_pkg.report.recordings import add_recordings, summarize
@@ -28,6 +28,7 @@ def constraints_page(
     timeline: Timeline | None = None,
     samples: np.ndarray | None = None,
     sources: Sequence[Mapping[str, Any]] = (),
+    bridge: float = BRIDGE_SECONDS,
     settings: Mapping[str, Any] | None = None,
 ) -> Page:
     """Return a page with rules, and with recordings that were judged by them.
@@ -39,13 +40,14 @@ def constraints_page(
         timeline: the recordings, judged by these rules; ``None`` for none.
         samples: (n, k) demonstrations, for their density in the picture of the rules.
         sources: where the samples come from, as :attr:`Dataset.sources`.
+        bridge: of :func:`check_data` when the recordings were judged.
         settings: how the recordings were judged, by name.
     """
     page = Page(title)
     judged = () if timeline is None else timeline.data.sources
     if timeline is not None:
         summarize(page, timeline)
-        add_recordings(page, timeline, constraints.rule_set)
+        add_recordings(page, timeline, constraints.rule_set, bridge=bridge)
     add_rules(page, constraints, samples=samples, is_judged=timeline is not None)
     add_provenance(page, constraints)
     read = [

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from occ_constraints_pkg.checking.timeline import Interval, Timeline
+from occ_constraints_pkg.checking.timeline import BRIDGE_SECONDS, Interval, Timeline
 from occ_constraints_pkg.checking.timeline_text import unusable_features
 from occ_constraints_pkg.report.arrays import packed
 from occ_constraints_pkg.report.page import Page, Section, render
@@ -26,7 +26,12 @@ CELLS = 1000
 
 
 def add_recordings(
-    page: Page, timeline: Timeline, rule_set: RuleSet, *, most_bytes: int = MOST_BYTES
+    page: Page,
+    timeline: Timeline,
+    rule_set: RuleSet,
+    *,
+    most_bytes: int = MOST_BYTES,
+    bridge: float = BRIDGE_SECONDS,
 ) -> None:
     """Add recordings that were judged.
 
@@ -36,6 +41,7 @@ def add_recordings(
         page: where.
         timeline: the recordings, judged.
         rule_set: the rules that judged them.
+        bridge: of :func:`check_data` when they were judged.
         most_bytes: about what their rows may take; violations are shown whatever they take.
     """
     subjects = Subjects(rule_set)
@@ -101,6 +107,7 @@ def add_recordings(
     page.data['recordings'] = documents
     page.data['unit'] = 's' if timeline.unit == 's' else 'rows'
     page.data['thinned'] = len(kept) < len(timeline.data)
+    page.data['bridge'] = bridge if timeline.unit == 's' else 0.0
     page.data['context'] = CONTEXT_SECONDS if timeline.unit == 's' else 20
     page.data['cells'] = CELLS
 

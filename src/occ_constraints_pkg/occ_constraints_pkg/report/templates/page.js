@@ -266,20 +266,25 @@
     return {then, now};
   }
 
-  // Runs of rows in which a rule is violated now and nowhere was before.
+  // Runs of rows in which a rule is violated now and nowhere was before; as in a check, short breaks
+  // are bridged.
   function newRuns(place, {then, now}) {
     const rows = rowsOf(place);
-    let runs = 0, isRun = false, isOld = false, episode = null;
+    let runs = 0, isOld = true, isBroken = true, episode = null, end = 0;
     for (const row of rows.order) {
-      if (isRun && (!now[row] || rows.episodes[row] !== episode)) {
-        runs += !isOld;
-        isRun = false;
+      if (!now[row]) {
+        isBroken = true;
+        continue;
       }
-      if (!now[row]) continue;
-      if (!isRun) [isRun, isOld, episode] = [true, false, rows.episodes[row]];
+      const isApart = isBroken && rows.times[row] - end > data.bridge;
+      if (isApart || rows.episodes[row] !== episode) {
+        runs += !isOld;
+        isOld = false;
+      }
+      [isBroken, episode, end] = [false, rows.episodes[row], rows.times[row] + rows.lengths[row]];
       isOld = isOld || then[row] === 1;
     }
-    return runs + (isRun && !isOld);
+    return runs + !isOld;
   }
 
   const remains = (place, [, episode, start, end], now) =>

@@ -66,7 +66,7 @@ def run(seconds: float = 0.0) -> dict[str, Any]:
             tab.goto(f'file://{path}')
             tab.evaluate(_OPENED)
             opened.append(time.perf_counter() - began)
-            asked.append(tab.evaluate(_ASK, 0.95 + 0.01 * number))
+            asked.append(tab.evaluate(_ASK, 1.1 + 0.05 * number))
             answer = tab.locator('#answer').inner_text()
             tab.evaluate('document.querySelectorAll("details.jumps").forEach(d => d.open = true)')
             tab.wait_for_timeout(300)

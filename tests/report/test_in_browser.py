@@ -100,6 +100,7 @@ def test_every_violation_is_listed_and_shown_against_its_bound(open_page, rule_s
     assert tab.locator('.recording').count() == 2
     for summary in tab.locator('.recording').all()[1:]:
         summary.locator('details > summary').first.click()
+        summary.locator('[data-violation]').first.wait_for()
     listed = tab.locator('[data-violation]').count()
     assert listed == len(timeline.violations) > 10
     last = tab.locator('[data-recording="1"] [data-violation] button').last

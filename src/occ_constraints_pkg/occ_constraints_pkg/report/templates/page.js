@@ -181,7 +181,8 @@
   function chart(place, column, literals, {episode, start, end, worst}, width) {
     const WIDTH = Math.max(280, width), HEIGHT = 210, LEFT = 62, RIGHT = 14, TOP = 26, BOTTOM = 30;
     const described = data.columns[column];
-    const from = start - data.context, to = end + data.context;
+    const {begin, end: last} = recordings[place];
+    const from = Math.max(begin, start - data.context), to = Math.min(last, end + data.context);
     const points = traceOf(place, column, episode, from, to);
     let low = Infinity, high = -Infinity;
     for (const value of points.map(point => point[1]).concat(literals.flatMap(item => [item.bound, item.moved]))) {

@@ -12,11 +12,12 @@ from occ_constraints_pkg.cli.completion import SHELLS, print_script
 from occ_constraints_pkg.cli.learning import learn
 from occ_constraints_pkg.cli.nodes import demo, doctor, node, watch
 from occ_constraints_pkg.cli.recordings import features, import_, info, play, record
+from occ_constraints_pkg.cli.report import report
 from occ_constraints_pkg.cli.rules import check, diff, export, prune, score, show, simplify
 from occ_constraints_pkg.cli.simulation import drive, evaluate, train
 
 _GROUPS = {
-    'Rules': (learn, show, diff, check, score, prune, simplify, export),
+    'Rules': (learn, show, diff, check, score, prune, simplify, export, report),
     'Recordings': (info, features, record, play, import_),
     'Nodes': (node, watch, doctor, demo),
     'Simulation': (train, evaluate, drive),

@@ -27,9 +27,17 @@ from occ_constraints_pkg.cli.common import (
     warn,
 )
 from occ_constraints_pkg.cli.completion import rule_ids
+from occ_constraints_pkg.cli.report import HTML, named_title
 from occ_constraints_pkg.errors import ConfigurationError, import_needed
 from occ_constraints_pkg.features.lateness import MAX_LAG_SECONDS
-from occ_constraints_pkg.files import C_HEADER, CONSTRAINTS, PICTURE, check_outputs, write_text
+from occ_constraints_pkg.files import (
+    C_HEADER,
+    CONSTRAINTS,
+    PAGE,
+    PICTURE,
+    check_outputs,
+    write_text,
+)
 from occ_constraints_pkg.learning.evidence import describe_why, why_document
 from occ_constraints_pkg.learning.rules_text import (
     describe_file,
@@ -166,6 +174,7 @@ def diff(first: str, second: str, as_json: bool) -> int:
     help='Violations of a rule that are at most as many seconds apart count as one.',
 )
 @click.option('--plot', type=click.Path(), help='Draw the timeline to this PNG file.')
+@HTML
 @click.option(
     '--warn',
     'horizon',
@@ -190,6 +199,7 @@ def check(
     max_lag: float,
     bridge: float,
     plot: str | None,
+    html: str | None,
     horizon: float | None,
     warning_window: float,
     overwrite: bool,
@@ -210,14 +220,19 @@ def check(
     from occ_constraints_pkg.rules.constraints_file import load_constraints, save_derived
 
     check_outputs(
-        [(path, kind) for path, kind in ((counted, CONSTRAINTS), (plot, PICTURE)) if path],
+        [
+            (path, kind)
+            for path, kind in ((counted, CONSTRAINTS), (plot, PICTURE), (html, PAGE))
+            if path
+        ],
         [constraints, *paths],
     )
     draw = plot and import_needed(
         'occ check --plot', 'occ_constraints_pkg.checking.timeline_picture'
     )
+    pages = html and import_needed('occ check --html', 'occ_constraints_pkg.report.checked')
     loaded = load_constraints(constraints)
-    data = read_data(paths, loaded, constraints, max_lag=max_lag)
+    data = read_data(paths, loaded, constraints, max_lag=max_lag, provenance=bool(html))
     rule_set = loaded.rule_set
     if rule_set.problem:
         warn(f'{constraints} enables no rule, so every verdict is UNKNOWN')
@@ -230,6 +245,16 @@ def check(
         _report_copy(counted, save_derived(derived, counted, overwrite=overwrite))
     if draw:
         draw.draw_timeline(Path(plot), timeline, rule_set, Path(constraints).name)
+    if pages:
+        page = pages.constraints_page(
+            named_title(paths),
+            constraints,
+            loaded,
+            timeline=timeline,
+            bridge=bridge,
+            settings={'timeout [s]': timeout, 'bridge [s]': bridge, 'largest lag [s]': max_lag},
+        )
+        import_needed('occ check --html', 'occ_constraints_pkg.report.page').write_page(page, html)
     record = None
     if horizon is not None:
         with progress_bar('forecasting') as progress:

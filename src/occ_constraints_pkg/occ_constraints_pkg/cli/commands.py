@@ -8,6 +8,7 @@ import click
 
 import occ_constraints_pkg
 from occ_constraints_pkg.cli.common import help_without_command
+from occ_constraints_pkg.cli.comparison import compare
 from occ_constraints_pkg.cli.learning import learn
 from occ_constraints_pkg.cli.nodes import demo, node
 from occ_constraints_pkg.cli.recordings import features, import_, info, play, record
@@ -15,7 +16,7 @@ from occ_constraints_pkg.cli.rules import check, diff, export, prune, score, sho
 from occ_constraints_pkg.cli.simulation import drive, evaluate, train
 
 _GROUPS = {
-    'Rules': (learn, show, diff, check, score, prune, simplify, export),
+    'Rules': (learn, show, diff, check, compare, score, prune, simplify, export),
     'Recordings': (info, features, record, play, import_),
     'Nodes': (node, demo),
     'Simulation': (train, evaluate, drive),

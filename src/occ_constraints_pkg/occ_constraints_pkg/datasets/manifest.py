@@ -41,6 +41,9 @@ class Selection:
     exclude: tuple[Interval, ...] = ()
     episodes: tuple[int, ...] = ()
 
+    def __fspath__(self) -> str:
+        return str(self.path)
+
     def stretches(self, times_ns: np.ndarray) -> np.ndarray:
         """Tell which stretch each time lies in.
 
@@ -81,18 +84,21 @@ class Selection:
         return document
 
 
-def select(paths: Sequence[str | Path]) -> list[Selection]:
+def select(paths: Sequence[str | Path | Selection]) -> list[Selection]:
     """Return the recordings that paths name, those that a manifest lists in its place.
 
     Args:
-        paths: recordings, and manifests (files that end in .yaml or .yml).
+        paths: recordings, and manifests (files that end in .yaml or .yml); what is a selection
+            already stays one.
 
     Raises:
         OccError: a manifest cannot be read or is wrong.
     """
     selections = []
     for path in paths:
-        if Path(path).suffix in _SUFFIXES and not os.path.isdir(path):
+        if isinstance(path, Selection):
+            selections.append(path)
+        elif Path(path).suffix in _SUFFIXES and not os.path.isdir(path):
             selections += load_manifest(path)
         else:
             selections.append(Selection(Path(path)))

@@ -64,7 +64,7 @@ def place(change: Change, item: RecordingComparison) -> tuple[float, float]:
     return min(starts), max(ends)
 
 
-def amount(change: Change, comparison: Comparison) -> str:
+def amount_words(change: Change, comparison: Comparison) -> str:
     """Return by how much a change is worse or better."""
     unit = _unit(comparison)
     before, after = (sum(own.active for own in side) for side in (change.before, change.after))
@@ -149,7 +149,8 @@ def _headline(comparison: Comparison) -> str:
     where = f'{comparison.after.name} against {comparison.before.name}'
     if not worse:
         return f'not worse: {where}; {told}'
-    return f'worse in {len(worse)} of {count_of(len(comparison.recordings), "recording")}: {where}; {told}'
+    amount = f'{len(worse)} of {count_of(len(comparison.recordings), "recording")}'
+    return f'worse in {amount}: {where}; {told}'
 
 
 def _recording_lines(item: RecordingComparison, comparison: Comparison) -> Iterator[str]:
@@ -163,7 +164,7 @@ def _recording_lines(item: RecordingComparison, comparison: Comparison) -> Itera
             start, end = place(change, item)
             yield (
                 f'  {change.kind:<9}  {_time(start, comparison)} to {_time(end, comparison)}  '
-                f'{rule_words(change, comparison)}: {amount(change, comparison)}'
+                f'{rule_words(change, comparison)}: {amount_words(change, comparison)}'
             )
             yield f'             {worst(change, comparison)}'
 

@@ -14,10 +14,11 @@ from occ_constraints_pkg.cli.nodes import demo, node
 from occ_constraints_pkg.cli.recordings import features, import_, info, play, record
 from occ_constraints_pkg.cli.rules import check, diff, export, prune, score, show, simplify
 from occ_constraints_pkg.cli.simulation import drive, evaluate, train
+from occ_constraints_pkg.cli.triage import triage
 
 _GROUPS = {
     'Rules': (learn, show, diff, check, compare, score, prune, simplify, export),
-    'Recordings': (info, features, record, play, import_),
+    'Recordings': (info, features, record, play, triage, import_),
     'Nodes': (node, demo),
     'Simulation': (train, evaluate, drive),
 }

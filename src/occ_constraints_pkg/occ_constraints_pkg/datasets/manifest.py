@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from occ_constraints_pkg.datasets.table_files import is_table_file
-from occ_constraints_pkg.documents import load_schema, parse_yaml, read_text, validate
+from occ_constraints_pkg.documents import dump_yaml, load_schema, parse_yaml, read_text, validate
 from occ_constraints_pkg.errors import ConfigurationError
 
 SCHEMA = load_schema(__package__, 'manifest.schema.json')
@@ -103,6 +103,25 @@ def select(paths: Sequence[str | Path | Selection]) -> list[Selection]:
         else:
             selections.append(Selection(Path(path)))
     return selections
+
+
+def dump_manifest(selections: Sequence[Selection], notes: Sequence[str], folder: Path) -> str:
+    """Return the text of a manifest.
+
+    Args:
+        selections: the recordings, and the parts of them to use.
+        notes: a note on each, empty for none.
+        folder: where the manifest will be, which its paths are relative to.
+    """
+    entries = [
+        {
+            'path': Path(os.path.relpath(selection.path, folder)).as_posix(),
+            **selection.to_document(),
+            **({'note': note} if note else {}),
+        }
+        for selection, note in zip(selections, notes, strict=True)
+    ]
+    return dump_yaml({'schema_version': 1, 'recordings': entries})
 
 
 def load_manifest(path: str | Path) -> list[Selection]:

@@ -158,6 +158,16 @@ class Recording:
         """Log time of the first message."""
         return min(segment.start_ns for storage in self._storages for segment in storage.segments)
 
+    def file_at(self, time_ns: int) -> Path:
+        """Return the storage file that holds what was logged at a time, or last before."""
+        starts = [
+            (min(segment.start_ns for segment in storage.segments), place)
+            for place, storage in enumerate(self._storages)
+            if storage.segments
+        ]
+        earlier = [item for item in starts if item[0] <= time_ns]
+        return self.files[max(earlier)[1] if earlier else min(starts)[1]]
+
     def messages(self, topics: Collection[str] | None = None) -> Iterator[RawMessage]:
         """Yield messages in the order in which they were logged; equal times in file order.
 

@@ -1,0 +1,122 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""Many recordings, each read by itself, in several processes; what cannot be read is told."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeVar
+
+from occ_constraints_pkg.datasets.dataset import Dataset
+from occ_constraints_pkg.datasets.extraction import extract
+from occ_constraints_pkg.datasets.manifest import Selection
+from occ_constraints_pkg.errors import DataError, OccError
+from occ_constraints_pkg.features.feature_map import FeatureMap
+
+_Item = TypeVar('_Item')
+_Result = TypeVar('_Result')
+
+
+def usable_cores() -> int:
+    """Return how many cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, 'sched_getaffinity') else os.cpu_count() or 1
+
+
+def extract_each(
+    sources: Sequence[str | Path | Selection],
+    feature_map: FeatureMap,
+    *,
+    processes: int,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[Dataset | str]:
+    """Compute the features of recordings, each by itself.
+
+    Args:
+        sources: the recordings.
+        feature_map: what to compute.
+        processes: how many work at a time.
+        progress: called with (recordings done, recordings in all).
+
+    Returns:
+        For each recording its rows, or a sentence that says why it cannot be used.
+
+    Raises:
+        DataError: a process ended, as when memory runs out.
+    """
+    return in_processes(
+        partial(_extract_one, feature_map=feature_map), sources, processes, progress
+    )
+
+
+def _extract_one(source: str | Path | Selection, feature_map: FeatureMap) -> Dataset | str:
+    try:
+        return extract([source], feature_map, provenance=False)
+    except OccError as error:
+        return str(error)
+    except OSError as error:
+        return f'cannot read {os.fspath(source)}: {error.strerror or error}'
+
+
+def in_processes(
+    work: Callable[[_Item], _Result],
+    items: Sequence[_Item],
+    processes: int,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[_Result]:
+    """Do the same to many items, in several processes, and return what comes of each.
+
+    When it is interrupted, the processes are ended.
+
+    Args:
+        work: what to do; it, the items and the results travel between processes.
+        items: what to do it to.
+        processes: how many work at a time; with one, this process does it all.
+        progress: called with (items done, items in all).
+
+    Raises:
+        DataError: a process ended, as when memory runs out.
+    """
+    results: list[Any] = [None] * len(items)
+    with _mapped(work, items, min(processes, len(items))) as done:
+        for count, (place, result) in enumerate(done, start=1):
+            results[place] = result
+            if progress is not None:
+                progress(count, len(items))
+    return results
+
+
+@contextmanager
+def _mapped(
+    work: Callable[[_Item], _Result], items: Sequence[_Item], processes: int
+) -> Iterator[Iterator[tuple[int, _Result]]]:
+    if processes < 2:
+        yield ((place, work(item)) for place, item in enumerate(items))
+        return
+    with ProcessPoolExecutor(processes, initializer=_leave_interrupts) as pool:
+        try:
+            places = {pool.submit(work, item): place for place, item in enumerate(items)}
+            yield ((places[future], future.result()) for future in as_completed(places))
+        except BrokenProcessPool as error:
+            raise DataError(
+                'a process ended before its work was done, as when memory runs out; allowed are '
+                'fewer processes'
+            ) from error
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            for child in multiprocessing.active_children():
+                child.terminate()
+            raise
+
+
+def _leave_interrupts() -> None:
+    """Leave Ctrl-C, which all processes of a terminal get, to the one that started them."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)

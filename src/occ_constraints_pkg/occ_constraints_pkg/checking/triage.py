@@ -59,6 +59,8 @@ _LEAST_DISTANCE = 0.02
 _FARTHEST = 1e6
 # A value that is the same for less time, in seconds or rows, may be so by chance.
 _LEAST_UNCHANGED = {'s': 1.0, 'rows': 5.0}
+# How much farther a peak is that is named in place of what a row shows.
+_BETTER = 1.25
 # Seconds, or rows, on both sides of the worst moment that are kept to be shown.
 _AROUND = 10.0
 
@@ -72,12 +74,14 @@ class Unit:
         path: of the recording or table.
         data: its rows.
         stuck: (n, groups) for how long values have not changed, see :mod:`.unchanged`.
+        peaks: (n, peaks and dips) what came between rows, see :mod:`.peaks`.
     """
 
     name: str
     path: str
     data: Dataset
     stuck: np.ndarray
+    peaks: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,6 +196,7 @@ def triage(
     space: FeatureSpace,
     conditional: ConditionalSettings,
     *,
+    peaks: FeatureSpace | None = None,
     unreadable: Sequence[tuple[str, str, str]] = (),
     above: float = ABOVE,
     processes: int = 1,
@@ -204,6 +209,7 @@ def triage(
         units: the recordings, all of one feature map, or episodes of tables.
         space: their features.
         conditional: which rules about several features to look for in the end.
+        peaks: the features of the units' peaks; ``None`` where there are none.
         unreadable: name and path of others that cannot be used, and why.
         above: the score from which on a recording stands out.
         processes: how many work at a time.
@@ -218,7 +224,7 @@ def triage(
             f'triage got {len(units)} recordings that can be used; allowed are '
             f'{LEAST_RECORDINGS} or more, for each is judged by rules learned from the others'
         )
-    table = _Rows(units, space)
+    table = _Rows(units, space, peaks)
     suspects, steps = np.zeros(len(units), dtype=bool), _ROUNDS + 2
     plain = ConditionalSettings('none')
 
@@ -277,22 +283,17 @@ class _Scored:
 class _Rows:
     """All rows of all recordings, with what does not depend on rules."""
 
-    def __init__(self, units: Sequence[Unit], space: FeatureSpace) -> None:
-        self.units = units
-        width = len(space)
+    def __init__(
+        self, units: Sequence[Unit], space: FeatureSpace, peaks: FeatureSpace | None
+    ) -> None:
+        self.units, self.space = units, space
         data = joined([unit.data for unit in units])
-        # Of several sources each, so that times are told by unit.
         counts = [len(unit.data) for unit in units]
         self.unit_of = np.repeat(np.arange(len(units)), counts)
         self.first = np.concatenate([[0], np.cumsum(counts)])
-        rows = 'rows' if data.times_ns is None else 's'
-        stuck = np.concatenate([unit.stuck for unit in units])
-        every = unchanged_space(space, rows)
-        values = data.values[:, :width]
-        self.space, self.least_unchanged = space, _LEAST_UNCHANGED[rows]
-        nothing = RuleSet(space, (), np.zeros((width, 2)))
+        values = data.values[:, : len(space)]
         self.timeline = make_timeline(
-            nothing,
+            RuleSet(space, (), np.zeros((len(space), 2))),
             replace(
                 data, names=space.names, values=values, recordings=self.unit_of,
                 sources=tuple({'name': unit.name} for unit in units),
@@ -301,21 +302,38 @@ class _Rows:
         )  # fmt: skip
         self.valid_for = self.timeline.valid_for
         self.known = space.knows(values)
+        unit = 'rows' if data.times_ns is None else 's'
+        self.least_unchanged = _LEAST_UNCHANGED[unit]
+        stuck = np.concatenate([item.stuck for item in units])
         telling = self._telling(stuck)
-        self.stuck_space = (
-            FeatureSpace(tuple(np.array(every.features, dtype=object)[telling]))
-            if telling.any()
-            else None
+        extra = [
+            feature
+            for feature, is_telling in zip(
+                unchanged_space(space, unit).features, telling, strict=True
+            )
+            if is_telling
+        ]
+        self.stuck_count = len(extra)
+        extra += () if peaks is None else peaks.features
+        self.extra_space = FeatureSpace(tuple(extra)) if extra else None
+        self.whole_space = FeatureSpace((*space.features, *extra))
+        self.values = np.concatenate(
+            [values, stuck[:, telling], *([np.concatenate([item.peaks for item in units])])], axis=1
         )
-        self.whole_space = FeatureSpace(
-            (*space.features, *(self.stuck_space.features if self.stuck_space else ()))
-        )
-        self.values = np.concatenate([values, stuck[:, telling]], axis=1)
         lost = np.where(self.known, 0.0, self.valid_for) + self.timeline.silence
         self.unknown = np.bincount(self.unit_of, lost, len(units))
         self.duration = np.bincount(
             self.unit_of, self.valid_for + self.timeline.silence, len(units)
         )
+
+    def tells(self, literal: Literal) -> bool:
+        """Tell whether a literal on the extra features means something.
+
+        It is no fault to change at once, nor does a peak say anything of small values.
+        """
+        place = literal.members[0] - self.stuck_count
+        half = (len(self.whole_space) - len(self.space) - self.stuck_count) // 2
+        return literal.is_upper == (place >= half)
 
     def _telling(self, stuck: np.ndarray) -> np.ndarray:
         """Tell of which groups a typical recording changes the values all the time.
@@ -494,9 +512,13 @@ def _judge(
     values = table.values[violated]
     excess, which = np.zeros(len(violated)), np.full(len(violated), -1)
     for place in rule_set.order:
-        own = habits.excess(place, rule_set.rules[place].margins(values, rule_set.scale))
-        farther = own > excess
-        excess[farther], which[farther] = own[farther], place
+        rule = rule_set.rules[place]
+        own = habits.excess(place, rule.margins(values, rule_set.scale))
+        # What a row shows itself is the better reason, if it is about as good.
+        is_extra = rule.literals[0].members[0] >= len(table.space)
+        farther = own > (_BETTER * excess if is_extra else excess)
+        excess = np.maximum(excess, own)
+        which[farther] = place
     found = []
     for unit in judged:
         first, last = np.searchsorted(violated, table.first[[unit, unit + 1]])
@@ -519,31 +541,36 @@ def _judge(
 
 
 def _learn(table: _Rows, members: np.ndarray, conditional: ConditionalSettings) -> RuleSet:
-    """Return the rules learned from some recordings, those about unchanged values included."""
+    """Return the rules learned from some recordings, those about extra features included."""
     rows = table.rows_of(members)
     values, episodes = table.values[rows], table.timeline.data.episodes[rows]
     width = len(table.space)
     found = _rules_of(values[:, :width], episodes, table.space, conditional)
-    if table.stuck_space is None:
+    if table.extra_space is None:
         return found
     plain = ConditionalSettings('none')
-    stuck = _rules_of(values[:, width:], episodes, table.stuck_space, plain)
-    more = [
-        Rule(
-            rule.id,
-            tuple(
-                Literal(literal.members[0] + width, '>', max(literal.bound, table.least_unchanged))
+    extra = _rules_of(values[:, width:], episodes, table.extra_space, plain)
+    is_stuck = np.arange(len(extra.space)) < table.stuck_count
+    more = []
+    for rule in extra.rules:
+        if all(table.tells(literal) for literal in rule.literals):
+            literals = [
+                replace(
+                    literal,
+                    feature=tuple(member + width for member in literal.members)
+                    if literal.is_family
+                    else literal.members[0] + width,
+                    bound=max(literal.bound, table.least_unchanged)
+                    if is_stuck[literal.members[0]]
+                    else literal.bound,
+                )
                 for literal in rule.literals
-            ),
-        )
-        for rule in stuck.rules
-        # It is no fault to change at once.
-        if not any(literal.is_upper for literal in rule.literals)
-    ]
+            ]
+            more.append(Rule(rule.id, tuple(literals)))
     # So that the least counts as far beyond as it is long, however seldom a value stays.
-    ranges = np.stack(
-        [np.zeros(len(stuck.space)), stuck.demonstrated[:, 1].clip(table.least_unchanged)], axis=1
-    )
+    ranges = extra.demonstrated.copy()
+    ranges[is_stuck, 0] = 0.0
+    ranges[is_stuck, 1] = ranges[is_stuck, 1].clip(table.least_unchanged)
     return RuleSet(
         table.whole_space, (*found.rules, *more), np.concatenate([found.demonstrated, ranges])
     )

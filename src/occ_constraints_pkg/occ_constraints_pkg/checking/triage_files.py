@@ -8,16 +8,19 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from urllib.parse import quote, urlencode
 
 import numpy as np
 
+from occ_constraints_pkg.checking.peaks import peak_space, peaks_of
 from occ_constraints_pkg.checking.triage import Ranked, Triage, Unit
 from occ_constraints_pkg.checking.triage_text import reason
 from occ_constraints_pkg.checking.unchanged import unchanged_for, with_raw_values
 from occ_constraints_pkg.datasets.dataset import Dataset
-from occ_constraints_pkg.datasets.each import extract_each
+from occ_constraints_pkg.datasets.each import in_processes
+from occ_constraints_pkg.datasets.extraction import extract
 from occ_constraints_pkg.datasets.folders import named_sources
 from occ_constraints_pkg.datasets.manifest import Selection, dump_manifest
 from occ_constraints_pkg.datasets.table_files import are_table_files, read_tables
@@ -45,6 +48,7 @@ class Found:
     Attributes:
         units: recordings, or episodes of tables.
         space: their features.
+        peaks: the features of their peaks; ``None`` where there are none.
         unreadable: name and path of what cannot be used, and why.
         sources: by path, what was selected of it.
         are_tables: whether they are tables.
@@ -52,6 +56,7 @@ class Found:
 
     units: tuple[Unit, ...]
     space: FeatureSpace
+    peaks: FeatureSpace | None
     unreadable: tuple[tuple[str, str, str], ...]
     sources: tuple[tuple[str, Path | Selection], ...]
     are_tables: bool
@@ -95,22 +100,33 @@ def read_units(
                 progress(place + 1, len(sources))
     else:
         assert feature_map is not None
-        read = extract_each(
-            [source for _, source in sources],
-            with_raw_values(feature_map),
-            processes=processes,
-            progress=progress,
+        read = in_processes(
+            partial(_read_recording, feature_map=feature_map), sources, processes, progress
         )
-        for (name, source), data in zip(sources, read, strict=True):
-            path = str(Path(source))
-            if isinstance(data, str):
-                unreadable.append((name, path, data))
+        for (name, source), found in zip(sources, read, strict=True):
+            if isinstance(found, str):
+                unreadable.append((name, str(Path(source)), found))
             else:
-                units.append(Unit(name, path, data, unchanged_for(data, feature_map.space)))
+                units.append(found)
     if space is None:
         name, _, sentence = unreadable[0]
         raise DataError(f'nothing can be used; {name}: {sentence}')
-    return Found(tuple(units), space, tuple(unreadable), sources, are_tables)
+    peaks = None if are_tables or feature_map is None else peak_space(feature_map)
+    return Found(tuple(units), space, peaks, tuple(unreadable), sources, are_tables)
+
+
+def _read_recording(named: tuple[str, Path | Selection], feature_map: FeatureMap) -> Unit | str:
+    """Read a recording; return a sentence if it cannot be used."""
+    name, source = named
+    path = str(Path(source))
+    try:
+        data = extract([source], with_raw_values(feature_map), provenance=False)
+        peaks = peaks_of(source, data, feature_map)
+    except OccError as error:
+        return str(error)
+    except OSError as error:
+        return f'cannot read {path}: {error.strerror or error}'
+    return Unit(name, path, data, unchanged_for(data, feature_map.space), peaks)
 
 
 def _episodes(name: str, path: str, data: Dataset, space: FeatureSpace) -> list[Unit]:
@@ -120,7 +136,8 @@ def _episodes(name: str, path: str, data: Dataset, space: FeatureSpace) -> list[
     for place, number in enumerate(numbers.tolist()):
         own = data if len(numbers) == 1 else data.select(data.episodes == number)
         title = name if len(numbers) == 1 else f'{name} episode {place}'
-        units.append(Unit(title, path, own, unchanged_for(own, space)))
+        nothing = np.empty((len(own), 0))
+        units.append(Unit(title, path, own, unchanged_for(own, space), nothing))
     return units
 
 

@@ -153,6 +153,7 @@ def triage(
             found.units,
             space,
             conditional,
+            peaks=found.peaks,
             unreadable=found.unreadable,
             above=above,
             processes=processes,

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Many recordings, each read by itself, in several processes; what cannot be read is told."""
+"""The same work on many recordings, each by itself, in several processes."""
 
 from __future__ import annotations
 
@@ -11,15 +11,9 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from functools import partial
-from pathlib import Path
 from typing import Any, TypeVar
 
-from occ_constraints_pkg.datasets.dataset import Dataset
-from occ_constraints_pkg.datasets.extraction import extract
-from occ_constraints_pkg.datasets.manifest import Selection
-from occ_constraints_pkg.errors import DataError, OccError
-from occ_constraints_pkg.features.feature_map import FeatureMap
+from occ_constraints_pkg.errors import DataError
 
 _Item = TypeVar('_Item')
 _Result = TypeVar('_Result')
@@ -28,41 +22,6 @@ _Result = TypeVar('_Result')
 def usable_cores() -> int:
     """Return how many cores this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, 'sched_getaffinity') else os.cpu_count() or 1
-
-
-def extract_each(
-    sources: Sequence[str | Path | Selection],
-    feature_map: FeatureMap,
-    *,
-    processes: int,
-    progress: Callable[[int, int], None] | None = None,
-) -> list[Dataset | str]:
-    """Compute the features of recordings, each by itself.
-
-    Args:
-        sources: the recordings.
-        feature_map: what to compute.
-        processes: how many work at a time.
-        progress: called with (recordings done, recordings in all).
-
-    Returns:
-        For each recording its rows, or a sentence that says why it cannot be used.
-
-    Raises:
-        DataError: a process ended, as when memory runs out.
-    """
-    return in_processes(
-        partial(_extract_one, feature_map=feature_map), sources, processes, progress
-    )
-
-
-def _extract_one(source: str | Path | Selection, feature_map: FeatureMap) -> Dataset | str:
-    try:
-        return extract([source], feature_map, provenance=False)
-    except OccError as error:
-        return str(error)
-    except OSError as error:
-        return f'cannot read {os.fspath(source)}: {error.strerror or error}'
 
 
 def in_processes(

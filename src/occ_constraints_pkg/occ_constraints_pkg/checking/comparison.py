@@ -237,6 +237,9 @@ def _some(names: Sequence[str]) -> str:
     return ', '.join(names[:3]) + (', ...' if len(names) > 3 else '')
 
 
+_Stretches = list[tuple[float, float]]
+
+
 @dataclass(frozen=True)
 class _Found:
     """Violations of one rule around one moment, by side."""
@@ -357,7 +360,11 @@ class _Comparer:
                 )
                 by_rule.setdefault(key, ([], []))[side].append(item)
         left: tuple[list[_Found], list[_Found]] = ([], [])
-        unjudged = self._unjudged(second, episodes[1], shift)
+        # Of a violation with a break that was bridged, some may not have been known before either.
+        unjudged = (
+            self._unjudged(0, first, episodes[0], 0.0),
+            self._unjudged(1, second, episodes[1], shift),
+        )
         for own in by_rule.values():
             for found in _around_moments(own, shift, self._tolerance):
                 if all(found.intervals):
@@ -397,14 +404,12 @@ class _Comparer:
         for own in left:
             own[:] = [found for found in own if id(found) not in taken]
 
-    def _unjudged(
-        self, source: int, episode: int | None, shift: float
-    ) -> list[tuple[float, float]]:
-        """Return the stretches, on the clock before, of which nothing is known after."""
+    def _unjudged(self, side: int, source: int, episode: int | None, shift: float) -> _Stretches:
+        """Return the stretches, on the clock before, of which a side knows nothing."""
         if episode is None:
             return [] if self._allow_shorter else [(-np.inf, np.inf)]
-        timeline = self._sides[1].timeline
-        rows = self._rows[1][source]
+        timeline = self._sides[side].timeline
+        rows = self._rows[side][source]
         rows = rows[timeline.data.episodes[rows] == episode]
         starts, ends = timeline.starts[rows], timeline.starts[rows] + timeline.valid_for[rows]
         is_unknown = timeline.judgement.verdict[rows] == Verdict.UNKNOWN
@@ -419,7 +424,7 @@ class _Comparer:
         self,
         found: _Found,
         shift: float,
-        unjudged: Sequence[tuple[float, float]],
+        unjudged: tuple[_Stretches, _Stretches],
         *,
         is_same_rule: bool,
     ) -> Change:
@@ -428,11 +433,7 @@ class _Comparer:
         depth = None
         if before and after and is_same_rule and self._same_scale:
             depth = min(item.margin for item in before) - min(item.margin for item in after)
-        hidden = sum(
-            max(0.0, min(item.end, end) - max(item.start, start))
-            for item in before
-            for start, end in unjudged
-        )
+        hidden = max(0.0, _common(before, unjudged[1]) - _common(before, unjudged[0]))
         is_longer, is_deeper = seconds > self._tolerance, depth is not None and depth > DEEPER
         if not before or not after:
             kind = 'gone' if before else 'new'
@@ -459,6 +460,15 @@ class _Comparer:
             return min(starts), first.rule, first.episode
 
         return key
+
+
+def _common(intervals: Sequence[Interval], stretches: _Stretches) -> float:
+    """Return for how long intervals lie in stretches."""
+    return sum(
+        max(0.0, min(item.end, end) - max(item.start, start))
+        for item in intervals
+        for start, end in stretches
+    )
 
 
 def _rows_by_source(side: Side) -> list[np.ndarray]:

@@ -24,7 +24,7 @@ _SECONDS, _BEAMS = 27.0, 360
 _START_NS = 1_700_000_000_000_000_000
 # Messages per second, about as a TurtleBot3 publishes them.
 _RATES = {'/imu': 200, '/odom': 30, '/scan': 5}
-_MAP = """\
+MAP = """\
 schema_version: 1
 pace: scan
 max_age: 0.5
@@ -37,6 +37,10 @@ features:
 - {name: acceleration_y, topic: imu, field: linear_acceleration.y, unit: m/s^2}
 - {name: yaw_rate, topic: imu, field: angular_velocity.z, unit: rad/s}
 """
+"""A feature map for the drives."""
+
+FAULTS = ('too fast', 'too close', 'stuck', 'offset', 'spike', 'wrong direction')
+"""What a drive may have."""
 
 
 class Drive:
@@ -97,9 +101,6 @@ class Drive:
         return 0.05 * np.cos(0.5 * at + self._phases[0]) + noise[0], sideways, noise[2]
 
 
-FAULTS = ('too fast', 'too close', 'stuck', 'offset', 'spike', 'wrong direction')
-
-
 def run(seconds: float = 0.0) -> dict[str, Any]:
     """Time ``occ triage`` on recordings of the size of a TurtleBot3's, and rank the bad ones.
 
@@ -112,7 +113,7 @@ def run(seconds: float = 0.0) -> dict[str, Any]:
     cores = usable_cores()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        (folder / 'map.yaml').write_text(_MAP)
+        (folder / 'map.yaml').write_text(MAP)
         drives = [(place, faults.get(place, '')) for place in range(_RECORDINGS)]
         in_processes(partial(_write, folder / 'bags'), drives, cores)
         size = sum(file.stat().st_size for file in folder.rglob('*.mcap'))
@@ -147,22 +148,22 @@ def _write(folder: Path, drive: tuple[int, str]) -> None:
     write_drive(folder / f'drive_{place}', Drive(place, fault))
 
 
-def write_drive(path: Path, drive: Drive) -> None:
-    """Write a drive as a new bag."""
+def write_drive(path: Path, drive: Drive, seconds: float = _SECONDS) -> None:
+    """Write the first seconds of a drive as a new bag."""
     store = get_typestore(Stores.ROS2_JAZZY)
     with BagWriter(path, compression='none') as bag:
-        for at, topic in _instants():
+        for at, topic in _instants(seconds):
             stamp = _START_NS + round(at * 1e9)
             message = _MESSAGES[topic](store.types, drive, at, stamp)
             data = bytes(store.serialize_cdr(message, message.__msgtype__))
             bag.write(topic, message.__msgtype__, data, stamp)
 
 
-def _instants() -> Iterator[tuple[float, str]]:
+def _instants(seconds: float) -> Iterator[tuple[float, str]]:
     instants = [
         (count / rate, topic)
         for topic, rate in _RATES.items()
-        for count in range(round(_SECONDS * rate))
+        for count in range(round(seconds * rate))
     ]
     yield from sorted(instants)
 

@@ -16,6 +16,7 @@ from occ_constraints_pkg.cli.common import (
     FEATURE_MAP_HELP,
     JSON,
     Seconds,
+    end_tidily,
     print_json,
     progress_bar,
     refuse_options,
@@ -120,6 +121,7 @@ def triage(
     from occ_constraints_pkg.learning.conditional import ConditionalSettings
     from occ_constraints_pkg.learning.settings import OCTreeSettings
 
+    end_tidily()
     if clips is None:
         refuse_options(('clip_seconds',), 'needs --clips')
     if url is not None and not url.startswith(('http://', 'https://')):

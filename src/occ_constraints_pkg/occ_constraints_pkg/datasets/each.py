@@ -11,6 +11,8 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from multiprocessing.connection import wait
+from threading import Thread
 from typing import Any, TypeVar
 
 from occ_constraints_pkg.errors import DataError
@@ -59,7 +61,7 @@ def _mapped(
     if processes < 2:
         yield ((place, work(item)) for place, item in enumerate(items))
         return
-    with ProcessPoolExecutor(processes, initializer=_leave_interrupts) as pool:
+    with ProcessPoolExecutor(processes, initializer=_obey_parent) as pool:
         try:
             places = {pool.submit(work, item): place for place, item in enumerate(items)}
             yield ((places[future], future.result()) for future in as_completed(places))
@@ -75,7 +77,16 @@ def _mapped(
             raise
 
 
-def _leave_interrupts() -> None:
-    """Leave Ctrl-C, which all processes of a terminal get, to the one that started them."""
+def _obey_parent() -> None:
+    """Leave Ctrl-C, which all processes of a terminal get, to the parent, and end with it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    # It may have been killed, and then nobody tells this process that there is no more to do.
+    wait([parent.sentinel])
+    os._exit(1)

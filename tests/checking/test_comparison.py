@@ -178,6 +178,12 @@ def test_moments_are_matched_by_stamps_where_both_have_them():
     later = side(rows, offset=7.0)
     assert kinds(compare(side(rows), later)) == ['same']
     assert compare(side(rows), later).recordings[0].shift == pytest.approx(-7.0)
+    longer = side([SAFE] * 30 + [FAST] * 15 + [SAFE] * 20, offset=7.0)
+    text = describe_comparison(compare(side(rows), longer))
+    assert 'shifted    -7.00 s, by header stamps' in text
+    # By the clock of the recording that shows it.
+    assert 'longer     10.000 s to 11.500 s' in text
+    assert kinds(compare(side(rows), later, clock='start')) == ['gone', 'new']
     # Two drives of different days: by the time since the start.
     assert kinds(compare(side(rows), side(rows, stamps=10**15))) == ['same']
     assert kinds(compare(side(rows), side(rows, stamps=10**15, offset=7.0))) == ['gone', 'new']

@@ -167,12 +167,11 @@ def compare_sides(
     by_order: bool = False,
     tolerance: float | None = None,
     allow_shorter: bool = False,
+    clock: str = 'auto',
 ) -> Comparison:
     """Compare the violations of two sides, recording by recording.
 
-    Recordings are paired by name, or by order; the only ones of both sides in any case. Moments are
-    compared by header stamps where those of the two recordings overlap, as after a replay or in
-    simulated time, else by the time since each recording's start.
+    Recordings are paired by name, or by order; the only ones of both sides in any case.
 
     Args:
         before: the first side.
@@ -183,6 +182,9 @@ def compare_sides(
         tolerance: lengths that differ by no more count as the same, and violations no further
             apart as of one moment; ``None`` for :data:`TOLERANCE_SECONDS`, and 0 for rows.
         allow_shorter: whether a recording may end earlier than its counterpart.
+        clock: what moments are matched by: header ``stamps``; the time since each recording's
+            ``start``; or ``auto``, stamps where those of the two recordings overlap, as after a
+            replay or in simulated time.
 
     Raises:
         DataError: there is no pair, a name stands for two recordings, or one side is in seconds
@@ -200,7 +202,14 @@ def compare_sides(
         if same_recordings
         else _pairs(before, after, by_order=by_order)
     )
-    comparer = _Comparer(before, after, rules, tolerance, allow_shorter, same_recordings)
+    comparer = _Comparer(
+        before,
+        after,
+        rules,
+        tolerance=tolerance,
+        allow_shorter=allow_shorter,
+        clock='start' if same_recordings or before.timeline.unit != 's' else clock,
+    )
     return Comparison(before, after, tolerance, tuple(comparer.compare(*pair) for pair in pairs))
 
 
@@ -263,15 +272,16 @@ class _Comparer:
         before: Side,
         after: Side,
         rules: Sequence[tuple[int, int]],
+        *,
         tolerance: float,
         allow_shorter: bool,
-        same_recordings: bool,
+        clock: str,
     ) -> None:
         self._sides = before, after
         self._after_of = dict(rules)
         self._before_of = {second: first for first, second in rules}
         self._tolerance, self._allow_shorter = tolerance, allow_shorter
-        self._same_recordings = same_recordings
+        self._clock = clock
         self._rows = tuple(map(_rows_by_source, self._sides))
         self._violations: tuple[dict[tuple[int, int | None], list[Interval]], ...] = ({}, {})
         for side, found in zip(self._sides, self._violations, strict=True):
@@ -318,7 +328,7 @@ class _Comparer:
 
     def _shift(self, first: int, second: int) -> float:
         """Return what makes a time of the second recording one of the first."""
-        if self._same_recordings or self._sides[0].timeline.unit != 's':
+        if self._clock == 'start':
             return 0.0
         spans, offsets = [], []
         for side, source in enumerate((first, second)):
@@ -329,7 +339,8 @@ class _Comparer:
             offsets.append(float(np.median(stamps - data.times_ns[rows])))
         common = min(span[1] for span in spans) - max(span[0] for span in spans)
         shortest = min(span[1] - span[0] for span in spans)
-        return (offsets[1] - offsets[0]) * 1e-9 if 2 * common > shortest > 0 else 0.0
+        is_common = 2 * common > shortest > 0
+        return (offsets[1] - offsets[0]) * 1e-9 if is_common or self._clock == 'stamps' else 0.0
 
     def _episodes(self, first: int, second: int) -> Iterator[tuple[int | None, int | None]]:
         """Yield the numbers of the episodes of both recordings that are compared."""

@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Any
 
+import numpy as np
+
 from occ_constraints_pkg.checking.comparison import (
     DEEPER,
     Change,
@@ -51,17 +53,29 @@ def findings(item: RecordingComparison, comparison: Comparison) -> list[tuple[st
     if abs(change := after.unknown - before.unknown) > comparison.tolerance:
         told = f'{before.unknown:.2f} -> {after.unknown:.2f}{unit} ({change:+.2f}{unit})'
         found.append(('UNKNOWN', told))
+    is_changed = any(change.kind != 'same' for change in item.changes)
+    if abs(item.shift) > comparison.tolerance and is_changed:
+        told = (
+            f'{item.shift:+.2f} s, by header stamps, to match moments; --clock start: by the time'
+        )
+        found.append(('shifted', f'{told} since each start'))
     if item.is_shorter:
         told = f'{after.total:.2f} of {before.total:.2f}{unit}; --allow-shorter accepts it'
         found.append(('too short', told))
     return found
 
 
-def place(change: Change, item: RecordingComparison) -> tuple[float, float]:
-    """Return from when to when a change is, on the clock of the recording before."""
-    starts = [own.start for own in change.before] + [o.start + item.shift for o in change.after]
-    ends = [own.end for own in change.before] + [o.end + item.shift for o in change.after]
-    return min(starts), max(ends)
+def place(change: Change, comparison: Comparison) -> tuple[str, float, float]:
+    """Return where a change is, by the clock of the recording that shows it, the later one.
+
+    Returns:
+        The episode in words, empty where each recording is one; beginning; end.
+    """
+    side, own = list(_own(change, comparison))[-1]
+    data = side.timeline.data
+    has_episodes = len(np.unique(data.episodes)) > len(side.names)
+    words = f'episode {own[0].episode}  ' if has_episodes else ''
+    return words, own[0].start, max(item.end for item in own)
 
 
 def amount_words(change: Change, comparison: Comparison) -> str:
@@ -161,11 +175,10 @@ def _recording_lines(item: RecordingComparison, comparison: Comparison) -> Itera
         yield f'  {count_of(len(changes), "change")}, {_MOST} of them:'
     for change in changes:
         if change in shown:
-            start, end = place(change, item)
-            yield (
-                f'  {change.kind:<9}  {_time(start, comparison)} to {_time(end, comparison)}  '
-                f'{rule_words(change, comparison)}: {amount_words(change, comparison)}'
-            )
+            episode, start, end = place(change, comparison)
+            where = f'{episode}{_time(start, comparison)} to {_time(end, comparison)}'
+            what = f'{rule_words(change, comparison)}: {amount_words(change, comparison)}'
+            yield f'  {change.kind:<9}  {where}  {what}'
             yield f'             {worst(change, comparison)}'
 
 

@@ -50,6 +50,14 @@ if TYPE_CHECKING:
     is_flag=True,
     help='A recording may end earlier than its counterpart, as that of a robot that got faster.',
 )
+@click.option(
+    '--clock',
+    type=click.Choice(['auto', 'stamps', 'start']),
+    default='auto',
+    show_default=True,
+    help="With -c: match moments by header stamps, or by the time since each recording's start; "
+    'auto: by stamps where they overlap.',
+)
 @TIMEOUT
 @MAX_LAG
 @BRIDGE
@@ -62,6 +70,7 @@ def compare(
     by_order: bool,
     tolerance: float | None,
     allow_shorter: bool,
+    clock: str,
     timeout: float,
     max_lag: float,
     bridge: float,
@@ -97,7 +106,9 @@ def compare(
         sides = [_side(path, [path], loaded, constraints, **limits) for path in (first, second)]
         rules = [(place, place) for place in range(len(loaded.rules))]
     else:
-        refuse_options(('by_order',), 'has no effect without -c, for both files judge the same')
+        refuse_options(
+            ('by_order', 'clock'), 'has no effect without -c, for both files judge the same'
+        )
         if not paths:
             raise ConfigurationError(
                 f'got {first} and {second} only; allowed are -c CONSTRAINTS with two recordings '
@@ -116,6 +127,7 @@ def compare(
         by_order=by_order,
         tolerance=tolerance,
         allow_shorter=allow_shorter,
+        clock=clock,
     )
     if as_json:
         print_json(comparison_document(result))

@@ -44,7 +44,8 @@ setup(
     python_requires='>=3.11',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
     package_data={
-        NAME: ['py.typed'] + [f'**/*.{suffix}' for suffix in ('yaml', 'json', 'xml', 'npz', 'j2')],
+        NAME: ['py.typed']
+        + [f'**/*.{suffix}' for suffix in ('yaml', 'json', 'xml', 'npz', 'j2', 'css', 'js')],
     },
     zip_safe=False,
     install_requires=[

@@ -80,7 +80,7 @@ def timeline_document(timeline: Timeline, rule_set: RuleSet) -> dict[str, Any]:
         'sources': [source['name'] for source in timeline.data.sources],
         'violations': [violation_entry(item, timeline, rule_set) for item in timeline.violations],
         'unknown': [
-            {**_entry(item, timeline), 'features': _unusable(item, timeline, rule_set)}
+            {**_entry(item, timeline), 'features': unusable_features(item, timeline, rule_set)}
             for item in timeline.unknown
         ],
     }
@@ -163,7 +163,7 @@ def _entry(item: Interval, timeline: Timeline) -> dict[str, Any]:
     }
 
 
-def _unusable(item: Interval, timeline: Timeline, rule_set: RuleSet) -> list[str]:
+def unusable_features(item: Interval, timeline: Timeline, rule_set: RuleSet) -> list[str]:
     """Return the features that made samples UNKNOWN."""
     values, space = timeline.data.values[item.samples], rule_set.space
     usable = np.isfinite(values) & (values >= space.lows) & (values <= space.highs)

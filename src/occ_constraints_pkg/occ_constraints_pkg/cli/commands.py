@@ -12,12 +12,13 @@ from occ_constraints_pkg.cli.comparison import compare
 from occ_constraints_pkg.cli.learning import learn
 from occ_constraints_pkg.cli.nodes import demo, node
 from occ_constraints_pkg.cli.recordings import features, import_, info, play, record
+from occ_constraints_pkg.cli.report import report
 from occ_constraints_pkg.cli.rules import check, diff, export, prune, score, show, simplify
 from occ_constraints_pkg.cli.simulation import drive, evaluate, train
 from occ_constraints_pkg.cli.triage import triage
 
 _GROUPS = {
-    'Rules': (learn, show, diff, check, compare, score, prune, simplify, export),
+    'Rules': (learn, show, diff, check, compare, score, prune, simplify, export, report),
     'Recordings': (info, features, record, play, triage, import_),
     'Nodes': (node, demo),
     'Simulation': (train, evaluate, drive),

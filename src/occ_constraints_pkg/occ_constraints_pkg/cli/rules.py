@@ -27,8 +27,16 @@ from occ_constraints_pkg.cli.common import (
     warn,
 )
 from occ_constraints_pkg.cli.judging import BRIDGE, MAX_LAG, TIMEOUT
+from occ_constraints_pkg.cli.report import HTML
 from occ_constraints_pkg.errors import ConfigurationError, import_needed
-from occ_constraints_pkg.files import C_HEADER, CONSTRAINTS, PICTURE, check_outputs, write_text
+from occ_constraints_pkg.files import (
+    C_HEADER,
+    CONSTRAINTS,
+    PAGE,
+    PICTURE,
+    check_outputs,
+    write_text,
+)
 from occ_constraints_pkg.learning.evidence import describe_why, why_document
 from occ_constraints_pkg.learning.rules_text import (
     describe_file,
@@ -144,6 +152,7 @@ def diff(first: str, second: str, as_json: bool) -> int:
 @MAX_LAG
 @BRIDGE
 @click.option('--plot', type=click.Path(), help='Draw the timeline to this PNG file.')
+@HTML
 @click.option(
     '--warn',
     'horizon',
@@ -168,6 +177,7 @@ def check(
     max_lag: float,
     bridge: float,
     plot: str | None,
+    html: str | None,
     horizon: float | None,
     warning_window: float,
     overwrite: bool,
@@ -188,12 +198,17 @@ def check(
     from occ_constraints_pkg.rules.constraints_file import load_constraints, save_derived
 
     check_outputs(
-        [(path, kind) for path, kind in ((counted, CONSTRAINTS), (plot, PICTURE)) if path],
+        [
+            (path, kind)
+            for path, kind in ((counted, CONSTRAINTS), (plot, PICTURE), (html, PAGE))
+            if path
+        ],
         [constraints, *paths],
     )
     draw = plot and import_needed(
         'occ check --plot', 'occ_constraints_pkg.checking.timeline_picture'
     )
+    pages = html and import_needed('occ check --html', 'occ_constraints_pkg.report.checked')
     loaded = load_constraints(constraints)
     data = read_data(paths, loaded, constraints, max_lag=max_lag)
     rule_set = loaded.rule_set
@@ -208,6 +223,9 @@ def check(
         _report_copy(counted, save_derived(derived, counted, overwrite=overwrite))
     if draw:
         draw.draw_timeline(Path(plot), timeline, rule_set)
+    if pages:
+        title = ', '.join(source['name'] for source in data.sources[:3])
+        pages.write_constraints_page(html, title, loaded, timeline)
     record = None
     if horizon is not None:
         with progress_bar('forecasting') as progress:

@@ -1,0 +1,121 @@
+# Copyright 2026 The occ_constraints developers
+# SPDX-License-Identifier: Apache-2.0
+"""The section with the rules: in words, with evidence, and with bounds to try others."""
+
+from __future__ import annotations
+
+import base64
+import io
+from typing import Any
+
+import numpy as np
+from matplotlib import pyplot as plt
+
+from occ_constraints_pkg.learning.evidence import describe_why, why_document
+from occ_constraints_pkg.learning.rules_picture import rules_figure
+from occ_constraints_pkg.learning.rules_text import describe_guarantee
+from occ_constraints_pkg.report.page import Page, Section, facts_section, render
+from occ_constraints_pkg.report.subjects import Subjects, rules_data
+from occ_constraints_pkg.rules.constraints_file import Constraints
+from occ_constraints_pkg.rules.rule import Rule
+
+_PICTURE_DOTS = 110
+# Each rule that people look at costs a few hundred bytes; of more, the rest is in the file.
+_MOST_RULES = 500
+
+
+def add_rules(
+    page: Page,
+    constraints: Constraints,
+    *,
+    samples: np.ndarray | None = None,
+    is_judged: bool = False,
+) -> None:
+    """Add the rules, how they were learned, and a picture of them.
+
+    Args:
+        page: where.
+        constraints: the rules and their evidence.
+        samples: (n, k) demonstrations for the density in the picture; ``None`` if not at hand.
+        is_judged: whether recordings on the page were judged by them, so that other bounds can be
+            tried.
+    """
+    rule_set = constraints.rule_set
+    subjects = Subjects(rule_set)
+    ordered = sorted(rule_set.rules, key=lambda rule: (not rule.enabled, len(rule.literals)))
+    entries = [_entry(constraints, subjects, rule) for rule in ordered[:_MOST_RULES]]
+    body = render(
+        'rules.html.j2',
+        rules=entries,
+        left_out=max(0, len(ordered) - _MOST_RULES),
+        guarantee=describe_guarantee(constraints),
+        coverage=constraints.coverage,
+        is_judged=is_judged,
+    )
+    page.add(Section('Rules', body, 'rules'))
+    page.data['rules'] = rules_data(rule_set, subjects)
+    page.data['columns'] = subjects.document()
+    words = 'Bounds on each feature'
+    if any(len(rule.literals) > 1 for rule in rule_set.rules):
+        words += ', and the corner that each rule with conditions forbids'
+    page.add(picture_section('Picture of the rules', _picture(constraints, samples), words,
+                             id='picture'))  # fmt: skip
+
+
+def add_provenance(page: Page, constraints: Constraints) -> None:
+    """Add where the rules come from: settings, versions, recordings with their hashes."""
+    facts: dict[str, Any] = {}
+    for key, value in constraints.provenance.items():
+        if key != 'bags':
+            facts[key.replace('_', ' ')] = value
+    facts['edited by people'] = 'yes' if constraints.is_edited else 'no'
+    for number, source in enumerate(constraints.provenance.get('bags', ()), start=1):
+        facts[f'learned from ({number})'] = ', '.join(f'{k} {v}' for k, v in source.items())
+    facts |= {f'setting: {key.replace("_", " ")}': v for key, v in constraints.learner.items()}
+    page.add(facts_section('How the rules were learned', facts, id='provenance'))
+
+
+def picture_section(title: str, png: bytes, words: str, *, id: str) -> Section:
+    """Return a section with a picture.
+
+    Args:
+        title: the heading.
+        png: the picture.
+        words: what it shows, for those who cannot see it, too.
+        id: the anchor.
+    """
+    source = 'data:image/png;base64,' + base64.b64encode(png).decode('ascii')
+    return Section(title, render('picture.html.j2', source=source, words=words), id)
+
+
+def _entry(constraints: Constraints, subjects: Subjects, rule: Rule) -> dict[str, Any]:
+    space = constraints.space
+    why = why_document(constraints, rule.id)
+    return {
+        'place': constraints.rules.index(rule),
+        'rule': rule,
+        'words': rule.words(space),
+        'why': why,
+        'evidence': describe_why(why),
+        'bounds': [
+            {
+                'place': place,
+                'name': literal.name(space),
+                'operator': literal.operator,
+                'bound': repr(float(literal.bound)),
+                'unit': '' if space.features[literal.members[0]].unit == '1'
+                else space.features[literal.members[0]].unit,
+            }
+            for place, literal in enumerate(rule.literals)
+        ],
+    }  # fmt: skip
+
+
+def _picture(constraints: Constraints, samples: np.ndarray | None) -> bytes:
+    figure = rules_figure(constraints, samples)
+    try:
+        stream = io.BytesIO()
+        figure.savefig(stream, dpi=_PICTURE_DOTS, format='png')
+    finally:
+        plt.close(figure)
+    return stream.getvalue()

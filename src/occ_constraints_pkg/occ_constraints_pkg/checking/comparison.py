@@ -101,6 +101,8 @@ class RecordingComparison:
         after: likewise.
         shift: what is added to times after for them to be on the clock of those before.
         changes: in the order of time.
+        before_source: position among the sources of the timeline before; ``None`` for none.
+        after_source: likewise after.
         unknown_more: whether more time is UNKNOWN after, by more than the tolerance.
         is_shorter: whether too little of the time before is covered after.
     """
@@ -108,6 +110,8 @@ class RecordingComparison:
     name: str
     before: Times | None
     after: Times | None
+    before_source: int | None
+    after_source: int | None
     shift: float = 0.0
     changes: tuple[Change, ...] = ()
     unknown_more: bool = False
@@ -298,7 +302,7 @@ class _Comparer:
         if first is None or second is None:
             side, place = (1, second) if first is None else (0, first)
             assert place is not None
-            return RecordingComparison(self._sides[side].names[place], before, after)
+            return RecordingComparison(self._sides[side].names[place], before, after, first, second)
         assert before is not None
         assert after is not None
         names = self._sides[0].names[first], self._sides[1].names[second]
@@ -312,6 +316,8 @@ class _Comparer:
             names[0] if names[0] == names[1] else f'{names[0]} and {names[1]}',
             before,
             after,
+            first,
+            second,
             shift,
             tuple(changes),
             after.unknown - before.unknown > self._tolerance,
@@ -370,6 +376,8 @@ class _Comparer:
                     else (self._before_of.get(rule, -1), rule)
                 )
                 by_rule.setdefault(key, ([], []))[side].append(item)
+        if not by_rule:
+            return
         left: tuple[list[_Found], list[_Found]] = ([], [])
         # Of a violation with a break that was bridged, some may not have been known before either.
         unjudged = (

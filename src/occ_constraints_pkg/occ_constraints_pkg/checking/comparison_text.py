@@ -29,7 +29,7 @@ _MOST = 20
 
 def describe_comparison(comparison: Comparison) -> str:
     """Return the verdict, then for each recording what changed, where and by how much."""
-    lines = [_headline(comparison)]
+    lines = [headline(comparison)]
     unchanged = 0
     for item in comparison.recordings:
         told = list(_recording_lines(item, comparison))
@@ -156,7 +156,8 @@ def comparison_document(comparison: Comparison) -> dict[str, Any]:
     }
 
 
-def _headline(comparison: Comparison) -> str:
+def headline(comparison: Comparison) -> str:
+    """Return the verdict, and how many changes of each kind there are, in one sentence."""
     worse = [item for item in comparison.recordings if item.is_worse]
     kinds = ', '.join(f'{count} {kind}' for kind, count in comparison.counts.items() if count)
     told = f'violations: {kinds}' if kinds else 'no violation on either side'

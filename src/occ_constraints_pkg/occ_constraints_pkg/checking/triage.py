@@ -317,9 +317,8 @@ class _Rows:
         extra += () if peaks is None else peaks.features
         self.extra_space = FeatureSpace(tuple(extra)) if extra else None
         self.whole_space = FeatureSpace((*space.features, *extra))
-        self.values = np.concatenate(
-            [values, stuck[:, telling], *([np.concatenate([item.peaks for item in units])])], axis=1
-        )
+        between = np.concatenate([item.peaks for item in units])
+        self.values = np.concatenate([values, stuck[:, telling], between], axis=1)
         lost = np.where(self.known, 0.0, self.valid_for) + self.timeline.silence
         self.unknown = np.bincount(self.unit_of, lost, len(units))
         self.duration = np.bincount(
@@ -453,10 +452,12 @@ def _first_scores(table: _Rows, plain: ConditionalSettings, rng: np.random.Gener
     scores = np.full((_GROUPS, count), np.nan)
     for place in range(_GROUPS):
         group = rng.choice(count, size=min(_GROUP, count // 4), replace=False)
+        if not table.known[table.rows_of(group)].any():
+            continue
         others = np.setdiff1d(np.arange(count), group)
         for unit, item in zip(others, _judge(table, group, others, plain)[1], strict=True):
             scores[place, unit] = item.score
-    # Who is in most groups, which hardly ever happens, counts as judged by none of them.
+    # Who is in all groups that can be learned from is judged by none.
     return np.array([np.median(own[~np.isnan(own)]) if (~np.isnan(own)).any() else 0.0
                      for own in scores.T])  # fmt: skip
 
@@ -592,7 +593,7 @@ class _Habits:
     Attributes:
         reach: (rules,) the smallest margin of them all; below 0 where some violate the rule.
         distance: (rules,) how far the median recording stays from that at its closest, in parts of
-            the demonstrated range, at least :data:`_LEAST_DISTANCE`.
+            the demonstrated range, at least :data:`_LEAST_DISTANCE` and a step of rounding.
     """
 
     reach: np.ndarray
@@ -607,9 +608,16 @@ class _Habits:
         count = len(rule_set.rules)
         reach, distance = np.zeros(count), np.full(count, _LEAST_DISTANCE)
         for place, rule in enumerate(rule_set.rules):
-            closest = np.minimum.reduceat(rule.margins(values, rule_set.scale), starts)
+            margins = rule.margins(values, rule_set.scale)
+            closest = np.minimum.reduceat(margins, starts)
             reach[place] = min(0.0, float(closest.min()))
-            distance[place] = max(_LEAST_DISTANCE, float(np.median(closest)) - reach[place])
+            distance[place] = float(np.median(closest)) - reach[place]
+            if distance[place] < _LEAST_DISTANCE:
+                # Of a rounded feature, one step beyond is no farther than all others are away.
+                steps = np.diff(np.unique(margins))
+                distance[place] = max(
+                    _LEAST_DISTANCE, float(np.median(steps)) if len(steps) else 0.0
+                )
         return cls(reach, distance)
 
     def excess(self, place: int, margins: np.ndarray) -> np.ndarray:

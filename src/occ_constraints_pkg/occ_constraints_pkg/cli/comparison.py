@@ -20,7 +20,9 @@ from occ_constraints_pkg.cli.common import (
     warn,
 )
 from occ_constraints_pkg.cli.judging import BRIDGE, MAX_LAG, TIMEOUT
-from occ_constraints_pkg.errors import ConfigurationError, OccError
+from occ_constraints_pkg.cli.report import HTML
+from occ_constraints_pkg.errors import ConfigurationError, OccError, import_needed
+from occ_constraints_pkg.files import PAGE, check_outputs
 
 if TYPE_CHECKING:
     from occ_constraints_pkg.checking.comparison import Side
@@ -58,6 +60,7 @@ if TYPE_CHECKING:
     help="With -c: match moments by header stamps, or by the time since each recording's start; "
     'auto: by stamps where they overlap.',
 )
+@HTML
 @TIMEOUT
 @MAX_LAG
 @BRIDGE
@@ -71,6 +74,7 @@ def compare(
     tolerance: float | None,
     allow_shorter: bool,
     clock: str,
+    html: str | None,
     timeout: float,
     max_lag: float,
     bridge: float,
@@ -95,6 +99,11 @@ def compare(
     from occ_constraints_pkg.rules.constraints_file import load_constraints
     from occ_constraints_pkg.rules.matching import matched_rules
 
+    if html is not None:
+        check_outputs(
+            {html: PAGE}, [first, second, *paths, *([constraints] if constraints else [])]
+        )
+    pages = html and import_needed('occ compare --html', 'occ_constraints_pkg.report.comparison')
     limits = {'timeout': timeout, 'max_lag': max_lag, 'bridge': bridge}
     if constraints is not None:
         if paths:
@@ -129,6 +138,8 @@ def compare(
         allow_shorter=allow_shorter,
         clock=clock,
     )
+    if pages:
+        pages.write_comparison_page(html, f'{second} against {first}', result)
     if as_json:
         print_json(comparison_document(result))
     else:

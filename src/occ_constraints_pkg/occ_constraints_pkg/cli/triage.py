@@ -25,8 +25,9 @@ from occ_constraints_pkg.cli.common import (
     seed_option,
     warn,
 )
-from occ_constraints_pkg.errors import ConfigurationError, OccError
-from occ_constraints_pkg.files import MANIFEST, check_outputs, make_directory, write_text
+from occ_constraints_pkg.cli.report import HTML
+from occ_constraints_pkg.errors import ConfigurationError, OccError, import_needed
+from occ_constraints_pkg.files import MANIFEST, PAGE, check_outputs, make_directory, write_text
 
 if TYPE_CHECKING:
     from occ_constraints_pkg.checking.triage import Triage
@@ -79,6 +80,7 @@ if TYPE_CHECKING:
     type=click.Path(),
     help='Write a manifest for `occ learn` that leaves out what stands out.',
 )
+@HTML
 @click.option(
     '--processes', type=AT_LEAST_1, help='How many work at a time; default: one for each core.'
 )
@@ -95,6 +97,7 @@ def triage(
     clip_seconds: float,
     url: str | None,
     manifest: str | None,
+    html: str | None,
     processes: int | None,
     seed: int,
     as_json: bool,
@@ -128,8 +131,9 @@ def triage(
         raise ConfigurationError(
             f'--url got {url!r}; allowed is an address that begins with http:// or https://'
         )
-    if manifest:
-        check_outputs({manifest: MANIFEST}, [*paths, *([map_name] if map_name else [])])
+    outputs = [(path, kind) for path, kind in ((manifest, MANIFEST), (html, PAGE)) if path]
+    check_outputs(outputs, [*paths, *([map_name] if map_name else [])])
+    pages = html and import_needed('occ triage --html', 'occ_constraints_pkg.report.triage')
     if clips and Path(clips).exists() and (not Path(clips).is_dir() or any(Path(clips).iterdir())):
         raise ConfigurationError(f'--clips got {clips}, which exists; allowed is a new folder')
     feature_map = None if map_name is None else load_feature_map(map_name)
@@ -167,6 +171,8 @@ def triage(
         write_text(
             manifest, MANIFEST, manifest_without(found, result, Path(manifest).resolve().parent)
         )
+    if pages:
+        pages.write_triage_page(html, f'Triage of {", ".join(paths[:3])}', result, ways)
     if as_json:
         print_json(triage_document(result, ways))
     else:

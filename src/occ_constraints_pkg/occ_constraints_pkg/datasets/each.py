@@ -17,6 +17,7 @@ from typing import Any, TypeVar
 
 from occ_constraints_pkg.errors import DataError
 
+_STOPS = (signal.SIGINT, signal.SIGTERM)
 _Item = TypeVar('_Item')
 _Result = TypeVar('_Result')
 
@@ -63,7 +64,9 @@ def _mapped(
         return
     with ProcessPoolExecutor(processes, initializer=_obey_parent) as pool:
         try:
-            places = {pool.submit(work, item): place for place, item in enumerate(items)}
+            # In the middle of a fork, the exception of a Ctrl-C may be lost, or be the child's.
+            with _signals_later():
+                places = {pool.submit(work, item): place for place, item in enumerate(items)}
             yield ((places[future], future.result()) for future in as_completed(places))
         except BrokenProcessPool as error:
             raise DataError(
@@ -77,10 +80,21 @@ def _mapped(
             raise
 
 
+@contextmanager
+def _signals_later() -> Iterator[None]:
+    """Let requests to stop wait for the end of the block; processes that start in it inherit it."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _STOPS)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def _obey_parent() -> None:
     """Leave Ctrl-C, which all processes of a terminal get, to the parent, and end with it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, _STOPS)
     Thread(target=_end_with_parent, daemon=True).start()
 
 

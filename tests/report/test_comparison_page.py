@@ -3,6 +3,7 @@
 """The pages of a comparison and of a triage: what they show, and that nothing in them runs."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -47,6 +48,32 @@ def side(values, name):
     return Side(name, check_data(data, RULES), RULES, (name,))
 
 
+@pytest.fixture
+def seen(tmp_path):
+    """Return a function that opens a page 600 px wide: errors, width of the content, text."""
+    playwright = pytest.importorskip('playwright.sync_api', reason='needs playwright')
+    chromium = Path('/usr/bin/chromium')
+    if not chromium.exists():
+        pytest.skip(f'needs {chromium}')
+
+    def look(page):
+        path = tmp_path / 'seen.html'
+        path.write_text(page.html())
+        errors = []
+        with playwright.sync_playwright() as started:
+            browser = started.chromium.launch(executable_path=chromium, args=['--no-sandbox'])
+            tab = browser.new_page(viewport={'width': 600, 'height': 900}, color_scheme='dark')
+            tab.on('console', lambda message: errors.append(message.text))
+            tab.on('pageerror', lambda error: errors.append(str(error)))
+            tab.goto(path.as_uri())
+            width = tab.evaluate('document.documentElement.scrollWidth')
+            text = tab.inner_text('main')
+            browser.close()
+        return errors, width, text
+
+    return look
+
+
 def test_the_page_of_a_comparison(tmp_path):
     before = side([(1.0, 1.0)] * 20, 'before')
     after = side([(1.0, 1.0)] * 10 + [(3.0, 1.0)] * 8 + [(np.nan, 1.0)] * 2, f'after{EVIL}')
@@ -72,7 +99,17 @@ def test_the_page_of_a_comparison_with_itself_is_good():
     assert [section.id for section in page.sections] == ['all', 'settings']
 
 
-def test_the_page_of_a_triage():
+def test_a_browser_shows_a_comparison(seen):
+    before, after = side([(1.0, 1.0)] * 20, 'one'), side([(3.0, 0.1)] * 20, 'other')
+    errors, width, text = seen(
+        comparison_page('title', compare_sides(before, after, [(0, 0), (1, 1)]))
+    )
+    assert (errors, width) == ([], 600)
+    assert f'FAST{EVIL}' in text
+
+
+def triaged():
+    """Return a triage, its first recording, and its page."""
     rng = np.random.default_rng(0)
     units = []
     for number in range(12):
@@ -89,9 +126,13 @@ def test_the_page_of_a_triage():
         rng=np.random.default_rng(0),
     )  # fmt: skip
     first = result.ranked[0]
-    assert first.name.endswith('7')
     link = 'https://app.foxglove.dev/~/view?ds=remote-file&ds.url=a'
-    page = triage_page('triage', result, {key_of(first): Way('clips/a.mcap', link)})
+    return first, triage_page('triage', result, {key_of(first): Way('clips/a.mcap', link)})
+
+
+def test_the_page_of_a_triage():
+    first, page = triaged()
+    assert first.name.endswith('7')
     html = page.html()
     assert EVIL not in html
     assert page.is_good is False
@@ -105,3 +146,10 @@ def test_the_page_of_a_triage():
     points = [tuple(map(float, pair.split(','))) for trace in traces for pair in trace.split()]
     limit = float(re.search(r'class="limit".*?y1="([\d.]+)"', chart)[1])
     assert sum(y < limit for _, y in points) == 1
+
+
+def test_a_browser_shows_a_triage(seen):
+    first, page = triaged()
+    errors, width, text = seen(page)
+    assert (errors, width) == ([], 600)
+    assert f'1. {first.name}' in text

@@ -328,7 +328,11 @@ class TrainingDirectory:
             save_derived(cost_source.counted(), self.path / self._RULES, overwrite=True)
         learner.policy().save(self.path / 'policy.npz')
         learner.save(self.path / self._CHECKPOINT, **companions)
-        summary = {'steps': learner.steps, 'updates': learner.updates}
+        summary = {
+            'steps': learner.steps,
+            'updates': learner.updates,
+            'settings': self._settings,
+        }
         write_text(self.path / 'summary.json', RESULTS, json.dumps(summary))
         self._saved_at = time.monotonic()
 

@@ -94,12 +94,21 @@ def end_tidily() -> None:
     signal.signal(signal.SIGTERM, signal.default_int_handler)
 
 
-def read_data(paths: tuple[str, ...], constraints: Any, where: str, *, max_lag: float = 0.0) -> Any:
-    """Read data to judge, and pass on what was wrong with it."""
+def read_data(
+    paths: tuple[str, ...],
+    constraints: Any,
+    where: str,
+    *,
+    max_lag: float = 0.0,
+    provenance: bool = False,
+) -> Any:
+    """Read data to judge, and pass on what was wrong with it; see ``read_for_rules``."""
     from occ_constraints_pkg.datasets.reading import read_for_rules
 
     with progress_bar('reading') as progress:
-        data = read_for_rules(paths, constraints, where, max_lag=max_lag, progress=progress)
+        data = read_for_rules(
+            paths, constraints, where, max_lag=max_lag, provenance=provenance, progress=progress
+        )
     for warning in data.warnings:
         warn(warning)
     return data

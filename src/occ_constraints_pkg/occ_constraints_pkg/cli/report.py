@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import click
@@ -68,27 +69,47 @@ def report(
     check_outputs({output: PAGE}, inputs)
     pages = import_needed('occ report', 'occ_constraints_pkg.report.page')
     checked = import_needed('occ report', 'occ_constraints_pkg.report.checked')
-    named = [Path(item).name for item in (paths or inputs or (training or '',))]
-    title = title or _title(named)
+    title = title or named_title(paths or inputs or (str(training),))
     if constraints is None:
-        page = pages.Page(title)
+        trainings = import_needed('occ report --training', 'occ_constraints_pkg.report.training')
+        page = trainings.training_page(title, training)
     else:
-        from occ_constraints_pkg.checking.timeline import check_data
+        from occ_constraints_pkg.checking.timeline import (
+            BRIDGE_SECONDS,
+            TIMEOUT_SECONDS,
+            check_data,
+        )
         from occ_constraints_pkg.rules.constraints_file import load_constraints
 
         loaded = load_constraints(constraints)
         timeline = None
         if paths:
-            data = read_data(paths, loaded, constraints, max_lag=MAX_LAG_SECONDS)
+            data = read_data(paths, loaded, constraints, max_lag=MAX_LAG_SECONDS, provenance=True)
             if loaded.rule_set.problem:
                 warn(f'{constraints} enables no rule, so every verdict is UNKNOWN')
             timeline = check_data(data, loaded.rule_set)
-        samples = read_data(demonstrations, loaded, constraints).values if demonstrations else None
-        page = checked.constraints_page(title, loaded, timeline=timeline, samples=samples)
-    if training is not None:
-        import_needed('occ report --training', 'occ_constraints_pkg.report.training').add_training(
-            page, training
+        samples, sources = None, ()
+        if demonstrations:
+            shown = read_data(demonstrations, loaded, constraints, provenance=True)
+            samples, sources = shown.values, shown.sources
+        settings = {
+            'timeout [s]': TIMEOUT_SECONDS,
+            'bridge [s]': BRIDGE_SECONDS,
+            'largest lag [s]': MAX_LAG_SECONDS,
+        }
+        page = checked.constraints_page(
+            title,
+            constraints,
+            loaded,
+            timeline=timeline,
+            samples=samples,
+            sources=sources,
+            settings=settings if paths else {},
         )
+        if training is not None:
+            import_needed(
+                'occ report --training', 'occ_constraints_pkg.report.training'
+            ).add_training(page, training)
     pages.write_page(page, output)
     if as_json:
         print_json(
@@ -102,5 +123,7 @@ def report(
         say(f'Written to {output}' + (f': {page.summary}' if page.summary else ''))
 
 
-def _title(names: list[str]) -> str:
+def named_title(paths: Sequence[str]) -> str:
+    """Return what a page is called that is about these files or folders."""
+    names = [Path(path).resolve().name for path in paths]
     return ', '.join(names[:3]) + (f' and {len(names) - 3} more' if len(names) > 3 else '')

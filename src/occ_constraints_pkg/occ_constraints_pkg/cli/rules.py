@@ -27,7 +27,7 @@ from occ_constraints_pkg.cli.common import (
     warn,
 )
 from occ_constraints_pkg.cli.judging import BRIDGE, MAX_LAG, TIMEOUT
-from occ_constraints_pkg.cli.report import HTML
+from occ_constraints_pkg.cli.report import HTML, named_title
 from occ_constraints_pkg.errors import ConfigurationError, import_needed
 from occ_constraints_pkg.files import (
     C_HEADER,
@@ -210,7 +210,7 @@ def check(
     )
     pages = html and import_needed('occ check --html', 'occ_constraints_pkg.report.checked')
     loaded = load_constraints(constraints)
-    data = read_data(paths, loaded, constraints, max_lag=max_lag)
+    data = read_data(paths, loaded, constraints, max_lag=max_lag, provenance=bool(html))
     rule_set = loaded.rule_set
     if rule_set.problem:
         warn(f'{constraints} enables no rule, so every verdict is UNKNOWN')
@@ -224,8 +224,15 @@ def check(
     if draw:
         draw.draw_timeline(Path(plot), timeline, rule_set)
     if pages:
-        title = ', '.join(source['name'] for source in data.sources[:3])
-        pages.write_constraints_page(html, title, loaded, timeline)
+        page = pages.constraints_page(
+            named_title(paths),
+            constraints,
+            loaded,
+            timeline=timeline,
+            bridge=bridge,
+            settings={'timeout [s]': timeout, 'bridge [s]': bridge, 'largest lag [s]': max_lag},
+        )
+        import_needed('occ check --html', 'occ_constraints_pkg.report.page').write_page(page, html)
     record = None
     if horizon is not None:
         with progress_bar('forecasting') as progress:

@@ -22,10 +22,14 @@ from occ_constraints_pkg.cli.common import (
     say,
     seed_option,
 )
+from occ_constraints_pkg.cli.report import HTML, named_title
 from occ_constraints_pkg.errors import ConfigurationError, import_needed
-from occ_constraints_pkg.files import check_outputs
+from occ_constraints_pkg.files import PAGE, check_outputs
 from occ_constraints_pkg.stopping import parent_is_gone, stop_request
 from occ_constraints_pkg.worlds.registry import check_world
+
+# Beside the policy.
+_PAGE = 'report.html'
 
 
 def _seeds(_context: Any, _parameter: Any, text: str | None) -> range | None:
@@ -167,7 +171,7 @@ def _train_one(run: Any, settings: Any, output: Path, resume: bool, as_json: boo
     if as_json:
         print_json({'output': str(output), 'cost_limit': result.cost_limit, **result.history[-1]})
     else:
-        say(f'policy, checkpoint and metrics are in {output}')
+        say(f'policy, checkpoint and metrics are in {output}, with a page, {_PAGE}')
 
 
 def _train_several(
@@ -208,10 +212,13 @@ def _train_several(
 
 
 def _draw_curves(output: Path, histories: list, limit: float, cost: str) -> None:
+    """Draw the curves, and write the page that shows them."""
     try:
         from occ_constraints_pkg.agents.curves import draw_training
+        from occ_constraints_pkg.report.page import write_page
+        from occ_constraints_pkg.report.training import training_page
     except ModuleNotFoundError:
-        report("no curves.png: it needs the extra 'report'")
+        report("no curves.png and no report.html: they need the extra 'report'")
         return
     draw_training(
         output / 'curves.png',
@@ -219,6 +226,7 @@ def _draw_curves(output: Path, histories: list, limit: float, cost: str) -> None
         None if cost == 'none' else limit,
         cost_name='true cost' if cost in ('true', 'none') else 'learned cost',
     )
+    write_page(training_page(f'Training in {output.resolve().name}', output), output / _PAGE)
 
 
 def _interval(numbers: dict[str, Any], name: str) -> str:
@@ -237,6 +245,7 @@ def _interval(numbers: dict[str, Any], name: str) -> str:
     type=click.Path(),
     help='Constraints file to take the cost from; default: true cost.',
 )
+@HTML
 @JSON
 def evaluate(
     policies: tuple[str, ...],
@@ -245,6 +254,7 @@ def evaluate(
     seed: int,
     explore: bool,
     cost: str | None,
+    html: str | None,
     as_json: bool,
 ) -> None:
     """Measure return and cost of policies and drivers on fresh episodes.
@@ -258,6 +268,9 @@ def evaluate(
     from occ_constraints_pkg.agents.evaluation import evaluate_driver, over_policies
     from occ_constraints_pkg.rules.constraints_file import load_constraints
 
+    if html is not None:
+        check_outputs({html: PAGE}, [*policies, *([cost] if cost else [])])
+        import_needed('occ evaluate --html', 'occ_constraints_pkg.report.training')
     constraints = None if cost is None else load_constraints(cost)
     worlds = [world or _world_of(policy) for policy in policies]
     lines = []
@@ -273,11 +286,19 @@ def evaluate(
             )
             lines.append({name: number(value) for name, value in result.as_dict().items()})
             progress(len(lines), len(policies))
+    named = [{'policy': path, **line} for path, line in zip(policies, lines, strict=True)]
+    if html is not None:
+        settings = {
+            'worlds': list(dict.fromkeys(worlds)),
+            'first seed': seed,
+            'sampled actions': explore,
+            'cost': 'true cost' if cost is None else cost,
+        }
+        _write_evaluation(html, named, settings)
     if len(lines) == 1:
         numbers = lines[0]
     else:
         numbers = over_policies(lines)
-        named = [{'policy': path, **line} for path, line in zip(policies, lines, strict=True)]
         if as_json:
             numbers = {'policies': named, **numbers}
         for line in named if not as_json else ():
@@ -287,6 +308,14 @@ def evaluate(
         return
     for name, value in numbers.items():
         say(f'{name}: {_written(value)}')
+
+
+def _write_evaluation(path: str, lines: list[dict[str, Any]], settings: dict[str, Any]) -> None:
+    from occ_constraints_pkg.report.page import write_page
+    from occ_constraints_pkg.report.training import evaluation_page
+
+    title = 'Evaluation of ' + named_title([line['policy'] for line in lines])
+    write_page(evaluation_page(title, lines, settings), path)
 
 
 def _written(value: float | None) -> str:

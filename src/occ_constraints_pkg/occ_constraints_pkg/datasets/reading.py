@@ -55,11 +55,10 @@ def read_for_rules(
     where: str,
     *,
     max_lag: float = 0.0,
+    provenance: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> Dataset:
     """Read the features that rules speak of: from recordings by the feature map, or from tables.
-
-    The hashes of recordings, which only learning writes down, are not computed.
 
     Args:
         paths: recordings only, or table files only, whose columns are found by name.
@@ -67,6 +66,8 @@ def read_for_rules(
         where: what errors call the constraints.
         max_lag: seconds that a message of a recording may come late, see
             :class:`~occ_constraints_pkg.features.extractor.FeatureExtractor`; 0 for any.
+        provenance: whether the sources tell hashes of recordings, for which the files are read
+            once more; tables always have theirs.
         progress: called with (messages read, messages in all); not for tables.
 
     Raises:
@@ -82,4 +83,4 @@ def read_for_rules(
             'allowed are tables (.npz, .csv, .parquet) with columns of their names'
         )
     feature_map = FeatureMap.from_document(constraints.feature_map, where)
-    return extract(paths, feature_map, max_lag=max_lag, progress=progress, provenance=False)
+    return extract(paths, feature_map, max_lag=max_lag, progress=progress, provenance=provenance)

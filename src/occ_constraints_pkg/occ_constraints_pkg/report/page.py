@@ -4,8 +4,9 @@
 
 from __future__ import annotations
 
+import base64
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib import resources
@@ -128,7 +129,34 @@ def table_section(
 
 def facts_section(title: str, facts: Mapping[str, Any], *, id: str) -> Section:
     """Return a section that lists names and values, for example settings and versions."""
-    return Section(title, render('facts.html.j2', facts=facts), id)
+    return Section(title, render('facts.html.j2', facts=dict(_flat(facts))), id)
+
+
+def _flat(facts: Mapping[str, Any], before: str = '') -> Iterator[tuple[str, str]]:
+    """Yield names and values as people read them, those of nested documents one by one."""
+    for key, value in facts.items():
+        name = before + str(key).replace('_', ' ')
+        if isinstance(value, Mapping):
+            yield from _flat(value, f'{name}: ')
+        elif isinstance(value, bool):
+            yield name, 'yes' if value else 'no'
+        elif isinstance(value, list | tuple):
+            yield name, ', '.join(map(str, value)) or 'none'
+        else:
+            yield name, 'none' if value is None else str(value)
+
+
+def picture_section(title: str, png: bytes, words: str, *, id: str) -> Section:
+    """Return a section with a picture.
+
+    Args:
+        title: the heading.
+        png: the picture.
+        words: what it shows, for those who cannot see it, too.
+        id: the anchor.
+    """
+    source = 'data:image/png;base64,' + base64.b64encode(png).decode('ascii')
+    return Section(title, render('picture.html.j2', source=source, words=words), id)
 
 
 def _script_json(value: Any) -> Markup:

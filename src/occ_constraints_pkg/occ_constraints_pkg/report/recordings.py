@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from occ_constraints_pkg.checking.timeline import Interval, Timeline
+from occ_constraints_pkg.checking.timeline import BRIDGE_SECONDS, Interval, Timeline
 from occ_constraints_pkg.checking.timeline_text import unusable_features
 from occ_constraints_pkg.report.arrays import packed
 from occ_constraints_pkg.report.page import Page, Section, render
@@ -26,7 +26,12 @@ CELLS = 1000
 
 
 def add_recordings(
-    page: Page, timeline: Timeline, rule_set: RuleSet, *, most_bytes: int = MOST_BYTES
+    page: Page,
+    timeline: Timeline,
+    rule_set: RuleSet,
+    *,
+    most_bytes: int = MOST_BYTES,
+    bridge: float = BRIDGE_SECONDS,
 ) -> None:
     """Add recordings that were judged.
 
@@ -36,6 +41,7 @@ def add_recordings(
         page: where.
         timeline: the recordings, judged.
         rule_set: the rules that judged them.
+        bridge: of :func:`check_data` when they were judged.
         most_bytes: about what their rows may take; violations are shown whatever they take.
     """
     subjects = Subjects(rule_set)
@@ -48,7 +54,10 @@ def add_recordings(
         own = sources == place
         if not own.any():
             continue
-        violations = [item for item in timeline.violations if item.source == place]
+        violations = sorted(
+            (item for item in timeline.violations if item.source == place),
+            key=lambda item: (item.start, item.episode, item.rule),
+        )
         unknown = [item for item in timeline.unknown if item.source == place]
         begin, end = _span(timeline, own)
         cells = verdict_cells(timeline, own, begin, end)
@@ -97,6 +106,8 @@ def add_recordings(
     page.add(Section('Recordings', body, 'recordings'))
     page.data['recordings'] = documents
     page.data['unit'] = 's' if timeline.unit == 's' else 'rows'
+    page.data['thinned'] = len(kept) < len(timeline.data)
+    page.data['bridge'] = bridge if timeline.unit == 's' else 0.0
     page.data['context'] = CONTEXT_SECONDS if timeline.unit == 's' else 20
     page.data['cells'] = CELLS
 
@@ -181,7 +192,7 @@ def _rows(timeline: Timeline, subjects: Subjects, rows: np.ndarray) -> dict[str,
         'times': packed(timeline.starts[rows], np.float64),
         'lengths': packed(timeline.valid_for[rows], np.float32),
         'episodes': packed(data.episodes[rows], np.int32),
-        'known': packed(timeline.judgement.verdict[rows] != Verdict.UNKNOWN, np.uint8),
+        'known': packed(subjects.knows(data.values[rows]), np.uint8),
         'columns': [packed(values, np.float64) for values in subjects.values(data.values[rows])],
     }
 

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import base64
 import io
 from typing import Any
 
@@ -14,7 +13,14 @@ from matplotlib import pyplot as plt
 from occ_constraints_pkg.learning.evidence import describe_why, why_document
 from occ_constraints_pkg.learning.rules_picture import rules_figure
 from occ_constraints_pkg.learning.rules_text import describe_guarantee
-from occ_constraints_pkg.report.page import Page, Section, facts_section, render
+from occ_constraints_pkg.report.page import (
+    Page,
+    Section,
+    facts_section,
+    picture_section,
+    render,
+    table_section,
+)
 from occ_constraints_pkg.report.subjects import Subjects, rules_data
 from occ_constraints_pkg.rules.constraints_file import Constraints
 from occ_constraints_pkg.rules.rule import Rule
@@ -63,29 +69,19 @@ def add_rules(
 
 
 def add_provenance(page: Page, constraints: Constraints) -> None:
-    """Add where the rules come from: settings, versions, recordings with their hashes."""
-    facts: dict[str, Any] = {}
-    for key, value in constraints.provenance.items():
-        if key != 'bags':
-            facts[key.replace('_', ' ')] = value
-    facts['edited by people'] = 'yes' if constraints.is_edited else 'no'
-    for number, source in enumerate(constraints.provenance.get('bags', ()), start=1):
-        facts[f'learned from ({number})'] = ', '.join(f'{k} {v}' for k, v in source.items())
-    facts |= {f'setting: {key.replace("_", " ")}': v for key, v in constraints.learner.items()}
+    """Add where the rules come from: recordings with their hashes, settings, versions."""
+    facts = {
+        **{key: value for key, value in constraints.provenance.items() if key != 'bags'},
+        'edited by people': constraints.is_edited,
+        **constraints.learner,
+    }
     page.add(facts_section('How the rules were learned', facts, id='provenance'))
-
-
-def picture_section(title: str, png: bytes, words: str, *, id: str) -> Section:
-    """Return a section with a picture.
-
-    Args:
-        title: the heading.
-        png: the picture.
-        words: what it shows, for those who cannot see it, too.
-        id: the anchor.
-    """
-    source = 'data:image/png;base64,' + base64.b64encode(png).decode('ascii')
-    return Section(title, render('picture.html.j2', source=source, words=words), id)
+    bags = constraints.provenance.get('bags', ())
+    if bags:
+        names = list(dict.fromkeys(name for bag in bags for name in bag))
+        rows = [[bag.get(name, '') for name in names] for bag in bags]
+        titles = [{'sha256': 'SHA-256'}.get(name, name.replace('_', ' ')) for name in names]
+        page.add(table_section('Demonstrations', titles, rows, id='demonstrations'))
 
 
 def _entry(constraints: Constraints, subjects: Subjects, rule: Rule) -> dict[str, Any]:

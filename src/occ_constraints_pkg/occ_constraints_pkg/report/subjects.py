@@ -44,6 +44,10 @@ class Subjects:
         """Return the (n,) values of each column in (n, k) samples."""
         return [literal.values(rows) for literal in self.literals]
 
+    def knows(self, rows: np.ndarray) -> np.ndarray:
+        """Tell for each of (n, k) samples whether it can be judged, by any enabled rules."""
+        return self._space.knows(rows)
+
     def document(self) -> list[dict[str, Any]]:
         """Return name, unit and demonstrated range of each column as plain values."""
         return [self._described(literal) for literal in self.literals]

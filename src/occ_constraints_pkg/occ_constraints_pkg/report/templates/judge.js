@@ -12,27 +12,34 @@ function holds(operator, value, bound) {
   }
 }
 
+function isTrue(rule, columns, row) {
+  // Not by a function for each literal: this runs for every rule on every row.
+  for (let i = 0; i < rule.literals.length; i++) {
+    const literal = rule.literals[i];
+    if (!holds(literal.operator, columns[literal.column][row], literal.bound)) return false;
+  }
+  return true;
+}
+
 // Places of the enabled rules in order of evaluation: fewest literals first.
 function evaluationOrder(rules) {
   const places = rules.map((_, place) => place).filter(place => rules[place].enabled);
   return places.sort((a, b) => rules[a].literals.length - rules[b].literals.length || a - b);
 }
 
-// rows: {count, known: Uint8Array, columns: [Float64Array]}. Returns the verdict of each row, and the
-// first rule that is true, -1 for none.
+// rows: {count, known: Uint8Array, columns: [Float64Array]}. Returns the verdict of each row, and
+// the first rule that is true, -1 for none. Without enabled rules, every verdict is UNKNOWN.
 function judge(rules, rows) {
   const order = evaluationOrder(rules);
   const verdict = new Uint8Array(rows.count), first = new Int32Array(rows.count).fill(-1);
   for (let row = 0; row < rows.count; row++) {
     if (!order.length || !rows.known[row]) { verdict[row] = UNKNOWN; continue; }
     for (const place of order) {
-      const literals = rules[place].literals;
-      let all = true;
-      for (let i = 0; i < literals.length && all; i++) {
-        const literal = literals[i];
-        all = holds(literal.operator, rows.columns[literal.column][row], literal.bound);
+      if (isTrue(rules[place], rows.columns, row)) {
+        verdict[row] = VIOLATED;
+        first[row] = place;
+        break;
       }
-      if (all) { verdict[row] = VIOLATED; first[row] = place; break; }
     }
   }
   return {verdict, first};
@@ -40,7 +47,8 @@ function judge(rules, rows) {
 
 // Little-endian numbers in base64.
 function unpack(text, kind) {
-  const bytes = Uint8Array.from(atob(text), sign => sign.charCodeAt(0));
+  const signs = atob(text), bytes = new Uint8Array(signs.length);
+  for (let i = 0; i < signs.length; i++) bytes[i] = signs.charCodeAt(i);
   return new kind(bytes.buffer);
 }
 

@@ -1,36 +1,61 @@
 'use strict';
 (() => {
   const data = JSON.parse(document.getElementById('data').textContent);
+  if (!data.recordings) return;
   const SVG = 'http://www.w3.org/2000/svg';
   // Lists are filled in parts, so that thousands of violations do not delay the page.
   const PART = 200;
+  // Traces of more rows have no dots of their own.
+  const MOST_DOTS = 120;
 
   // ---- small helpers ----
   function element(name, attributes = {}, text = '') {
-    const made = document.createElement(name);
-    for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
-    if (text) made.textContent = text;
-    return made;
+    return filled(document.createElement(name), attributes, text);
   }
   function drawn(name, attributes = {}, text = '') {
-    const made = document.createElementNS(SVG, name);
+    return filled(document.createElementNS(SVG, name), attributes, text);
+  }
+  function filled(made, attributes, text) {
     for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
     if (text) made.textContent = text;
     return made;
   }
   const short = value => Number(value.toPrecision(4)).toString();
-  const time = value => data.unit === 's' ? value.toFixed(3) + ' s' : value.toFixed(0);
+  const time = value => data.unit === 's' ? value.toFixed(2) + ' s' : value.toFixed(0);
   const count = (number, word) => number + ' ' + word + (number === 1 ? '' : 's');
-  const at = (attribute, value) => document.querySelector('[data-' + attribute + '="' + value + '"]');
+  const at = (name, value) => document.querySelector('[data-' + name + '="' + value + '"]');
 
-  if (!data.recordings) return;
   const original = data.rules;
   const rules = structuredClone(original);
   const recordings = data.recordings;
   const unpacked = new Map();
+  // The violation that each recording shows.
+  const chosen = new Map();
   function rowsOf(place) {
-    if (!unpacked.has(place)) unpacked.set(place, unpackRows(recordings[place].rows));
+    if (!unpacked.has(place)) {
+      const rows = unpackRows(recordings[place].rows);
+      // Rows of one episode follow one another, which those of robots in a table do not.
+      const {episodes, times} = rows;
+      const compare = (a, b) => episodes[a] - episodes[b] || times[a] - times[b];
+      rows.order = Uint32Array.from(times, (_, row) => row);
+      // Most are in order, and to see that takes a fraction of the time of sorting.
+      if (!rows.order.every(row => !row || compare(row - 1, row) <= 0)) rows.order.sort(compare);
+      unpacked.set(place, rows);
+    }
     return unpacked.get(place);
+  }
+  // Rows of an episode from one moment to another, both included, in order of time.
+  function rowsWithin(place, episode, from, to) {
+    const rows = rowsOf(place), {order, episodes, times} = rows;
+    let low = 0, high = order.length;
+    while (low < high) {
+      const middle = (low + high) >> 1, row = order[middle];
+      if (episodes[row] < episode || (episodes[row] === episode && times[row] < from)) low = middle + 1;
+      else high = middle;
+    }
+    const found = [];
+    for (; low < order.length && episodes[order[low]] === episode && times[order[low]] <= to; low++) found.push(order[low]);
+    return found;
   }
 
   // ---- lists of violations ----
@@ -39,8 +64,23 @@
     at('end', place).textContent = time(recording.end);
     const jumps = at('jumps', place);
     if (!jumps) return;
-    if (jumps.open) fill(place);
     jumps.addEventListener('toggle', () => { if (jumps.open) fill(place); });
+    if (!recording.violations.length) return;
+    const band = at('band', place);
+    band.classList.add('clickable');
+    band.addEventListener('click', event => {
+      const box = band.getBoundingClientRect();
+      const share = (event.clientX - box.left) / box.width;
+      const clicked = recording.begin + share * (recording.end - recording.begin);
+      const away = ([, , start, end]) => Math.max(start - clicked, clicked - end, 0);
+      let nearest = 0;
+      recording.violations.forEach((item, number) => {
+        if (away(item) < away(recording.violations[nearest])) nearest = number;
+      });
+      jumps.open = true;
+      fill(place);
+      show(place, nearest);
+    });
   });
 
   function fill(place) {
@@ -49,53 +89,55 @@
     const recording = recordings[place];
     const table = element('table'), head = element('thead'), body = element('tbody');
     const titles = element('tr');
-    for (const title of ['', 'from', 'to', 'rule', 'violated when', 'smallest margin']) {
+    const hasEpisodes = new Set(recording.violations.map(item => item[1])).size > 1;
+    for (const title of ['', 'from', 'to', ...hasEpisodes ? ['episode'] : [], 'rule', 'violated when', 'margin']) {
       titles.append(element('th', {scope: 'col'}, title));
     }
     head.append(titles);
     table.append(head, body);
     list.append(table);
-    const entries = recording.violations.map((item, number) => ({item, number}));
-    const unknown = recording.unknown.map(item => ({unknown: item}));
-    const all = entries.concat(unknown);
+    const all = recording.violations.map((item, number) => violationLine(place, item, number, hasEpisodes))
+      .concat(recording.unknown.map(item => unknownLine(item, hasEpisodes)));
     const more = element('button', {type: 'button'});
     let shown = 0;
     function next() {
-      for (const entry of all.slice(shown, shown + PART)) body.append(line(place, entry));
+      body.append(...all.slice(shown, shown + PART));
       shown = Math.min(shown + PART, all.length);
-      more.textContent = 'Show ' + Math.min(PART, all.length - shown) + ' of ' + (all.length - shown) + ' more';
-      if (shown === all.length) more.remove();
+      const left = all.length - shown;
+      more.textContent = 'Show ' + Math.min(PART, left) + ' of ' + left + ' more';
+      more.hidden = !left;
     }
     list.append(more);
     more.addEventListener('click', next);
     next();
-    if (entries.length) show(place, 0, false);
+    if (recording.violations.length) show(place, 0);
+    markGone(place);
   }
 
-  function line(place, entry) {
+  function unknownLine([episode, start, end, features], hasEpisodes) {
     const row = element('tr');
-    if (entry.unknown) {
-      const [, start, end, features] = entry.unknown;
-      const why = features.length ? 'UNKNOWN: cannot be judged for ' + features.join(', ') : 'UNKNOWN';
-      row.append(element('td'), element('td', {class: 'number'}, time(start)),
-        element('td', {class: 'number'}, time(end)), element('td'), element('td', {}, why), element('td'));
-      return row;
-    }
-    const [rule, , start, end, , margin] = entry.item;
-    row.dataset.violation = entry.number;
-    const button = element('button', {type: 'button', 'aria-label': 'show violation ' + (entry.number + 1)}, '⤢');
-    button.addEventListener('click', () => show(place, entry.number, true));
+    const why = features.length ? 'UNKNOWN: cannot be judged for ' + features.join(', ') : 'UNKNOWN';
+    row.append(element('td'), element('td', {}, time(start)), element('td', {}, time(end)),
+      ...hasEpisodes ? [element('td', {}, String(episode))] : [],
+      element('td'), element('td', {}, why), element('td'));
+    return row;
+  }
+  function violationLine(place, [rule, episode, start, end, , margin], number, hasEpisodes) {
+    const row = element('tr', {'data-violation': number});
+    const label = 'show violation ' + (number + 1) + ' of ' + recordings[place].violations.length;
+    const button = element('button', {type: 'button', 'aria-label': label}, '⤢');
+    button.addEventListener('click', () => show(place, number));
     const first = element('td');
     first.append(button);
-    row.append(first, element('td', {class: 'number'}, time(start)), element('td', {class: 'number'}, time(end)),
+    row.append(first, element('td', {}, time(start)), element('td', {}, time(end)),
+      ...hasEpisodes ? [element('td', {}, String(episode))] : [],
       element('td', {}, original[rule].id), element('td', {}, original[rule].words),
       element('td', {class: 'number'}, short(margin)));
     return row;
   }
 
   // ---- one violation: its features against their bounds ----
-  const chosen = new Map();
-  function show(place, number, moves) {
+  function show(place, number, focus = '') {
     const recording = recordings[place], list = at('list', place);
     const [rule, episode, start, end, worst, margin] = recording.violations[number];
     chosen.set(place, number);
@@ -104,154 +146,236 @@
     if (row) row.classList.add('chosen');
     const detail = at('detail', place);
     detail.replaceChildren();
-    const bar = element('p');
+    const bar = element('p', {class: 'steps'});
     const previous = element('button', {type: 'button'}, '← previous');
     const following = element('button', {type: 'button'}, 'next →');
     previous.disabled = number === 0;
     following.disabled = number === recording.violations.length - 1;
-    previous.addEventListener('click', () => show(place, number - 1, true));
-    following.addEventListener('click', () => show(place, number + 1, true));
-    bar.append(previous, ' ', following, ' violation ' + (number + 1) + ' of ' + recording.violations.length
-      + ', ' + time(start) + ' to ' + time(end) + (end > start ? ' (' + time(end - start) + ')' : '')
-      + '; worst at ' + time(worst) + ', margin ' + short(margin));
+    previous.addEventListener('click', () => show(place, number - 1, 'previous'));
+    following.addEventListener('click', () => show(place, number + 1, 'next'));
+    bar.append(previous, ' ', following, element('span', {}, 'Violation ' + (number + 1) + ' of '
+      + recording.violations.length + ', ' + time(start) + ' to ' + time(end)
+      + '; worst at ' + time(worst) + ', margin ' + short(margin)));
     detail.append(element('h4', {}, original[rule].id + ': ' + original[rule].words), bar);
     const columns = new Map();
-    for (const [i, literal] of original[rule].literals.entries()) {
+    original[rule].literals.forEach((literal, i) => {
       if (!columns.has(literal.column)) columns.set(literal.column, []);
-      columns.get(literal.column).push([literal, rules[rule].literals[i]]);
-    }
+      columns.get(literal.column).push({bound: literal.bound, operator: literal.operator,
+        moved: rules[rule].literals[i].bound});
+    });
     for (const [column, literals] of columns) {
-      detail.append(chart(place, column, literals, {episode, start, end, worst}));
+      detail.append(chart(place, column, literals, {episode, start, end, worst}, detail.clientWidth));
     }
-    if (moves) (number === 0 || previous.disabled ? following : previous).focus({preventScroll: true});
+    if (focus) {
+      const wanted = focus === 'previous' ? previous : following;
+      (wanted.disabled ? (wanted === previous ? following : previous) : wanted).focus({preventScroll: true});
+    }
   }
 
-  function chart(place, column, literals, where) {
-    const WIDTH = 960, HEIGHT = 200, LEFT = 70, RIGHT = 16, TOP = 22, BOTTOM = 30;
-    const described = data.columns[column], rows = rowsOf(place), values = rows.columns[column];
-    const from = where.start - data.context, to = where.end + data.context;
-    const points = [];
-    for (let i = 0; i < rows.count; i++) {
-      if (rows.episodes[i] === where.episode && rows.times[i] >= from && rows.times[i] <= to
-          && Number.isFinite(values[i])) points.push([rows.times[i], values[i]]);
+  function traceOf(place, column, episode, from, to) {
+    const rows = rowsOf(place);
+    return rowsWithin(place, episode, from, to).map(row => [rows.times[row], rows.columns[column][row]])
+      .filter(([, value]) => Number.isFinite(value));
+  }
+
+  function chart(place, column, literals, {episode, start, end, worst}, width) {
+    const WIDTH = Math.max(280, width), HEIGHT = 210, LEFT = 62, RIGHT = 14, TOP = 26, BOTTOM = 30;
+    const described = data.columns[column];
+    const from = start - data.context, to = end + data.context;
+    const points = traceOf(place, column, episode, from, to);
+    let low = Infinity, high = -Infinity;
+    for (const value of points.map(point => point[1]).concat(literals.flatMap(item => [item.bound, item.moved]))) {
+      low = Math.min(low, value);
+      high = Math.max(high, value);
     }
-    points.sort((a, b) => a[0] - b[0]);
-    const limits = literals.flatMap(pair => pair.map(literal => literal.bound));
-    let low = Math.min(...points.map(p => p[1]), ...limits), high = Math.max(...points.map(p => p[1]), ...limits);
-    const room = (high - low) * 0.12 || Math.abs(high) * 0.1 || 1;
-    low -= room; high += room;
-    const x = t => LEFT + (t - from) / (to - from) * (WIDTH - LEFT - RIGHT);
-    const y = v => TOP + (high - v) / (high - low) * (HEIGHT - TOP - BOTTOM);
+    const seen = [low, high];
+    const room = (high - low) * 0.14 || Math.abs(high) * 0.1 || 1;
+    low -= room;
+    high += room;
+    const x = moment => LEFT + (moment - from) / (to - from) * (WIDTH - LEFT - RIGHT);
+    const y = value => TOP + (high - value) / (high - low) * (HEIGHT - TOP - BOTTOM);
     const unit = described.unit ? ' [' + described.unit + ']' : '';
-    const words = described.name + unit + ' against its bound ' + literals.map(([l]) => l.operator + ' ' + short(l.bound)).join(' and ');
-    const svg = drawn('svg', {viewBox: '0 0 ' + WIDTH + ' ' + HEIGHT, class: 'chart', role: 'img', 'aria-label': words});
-    for (const [literal] of literals) {
-      const edge = y(literal.bound), above = literal.operator.startsWith('>');
-      svg.append(drawn('rect', {class: 'beyond', x: LEFT, width: WIDTH - LEFT - RIGHT,
-        y: above ? TOP : edge, height: Math.max(0, above ? edge - TOP : HEIGHT - BOTTOM - edge)}));
+    const words = described.name + unit + ', violated when '
+      + literals.map(item => item.operator + ' ' + short(item.bound)).join(' and ');
+    const svg = drawn('svg', {width: WIDTH, height: HEIGHT, class: 'chart', role: 'img',
+      'aria-label': words + '; worst at ' + time(worst)});
+    for (const item of literals) {
+      const edge = y(item.bound), isAbove = item.operator.startsWith('>');
+      const area = {x: LEFT, width: WIDTH - LEFT - RIGHT, y: isAbove ? TOP : edge,
+        height: Math.max(0, isAbove ? edge - TOP : HEIGHT - BOTTOM - edge)};
+      svg.append(drawn('rect', {...area, class: 'beyond'}), drawn('rect', {...area, fill: 'url(#beyond)'}));
     }
-    svg.append(drawn('rect', {class: 'during', x: x(where.start), y: TOP,
-      width: Math.max(2, x(where.end) - x(where.start)), height: HEIGHT - TOP - BOTTOM}));
+    svg.append(drawn('rect', {class: 'during', x: x(start), y: TOP,
+      width: Math.max(2, x(end) - x(start)), height: HEIGHT - TOP - BOTTOM}));
     svg.append(drawn('rect', {class: 'frame', x: LEFT, y: TOP, width: WIDTH - LEFT - RIGHT, height: HEIGHT - TOP - BOTTOM}));
-    for (const [literal, moved] of literals) {
-      const edge = y(literal.bound);
-      svg.append(drawn('line', {class: 'limit', x1: LEFT, x2: WIDTH - RIGHT, y1: edge, y2: edge}));
-      svg.append(drawn('text', {x: LEFT - 6, y: edge + 4, 'text-anchor': 'end'}, short(literal.bound)));
-      if (moved.bound !== literal.bound) {
-        svg.append(drawn('line', {class: 'newlimit', x1: LEFT, x2: WIDTH - RIGHT, y1: y(moved.bound), y2: y(moved.bound)}));
+    const labelled = [];
+    function label(value, name) {
+      const height = y(value);
+      if (labelled.some(other => Math.abs(other - height) < 14)) return;
+      labelled.push(height);
+      svg.append(drawn('text', {x: LEFT - 6, y: height + 4, 'text-anchor': 'end', class: name}, short(value)));
+    }
+    const line = (name, value) => svg.append(drawn('line', {class: name, x1: LEFT, x2: WIDTH - RIGHT, y1: y(value), y2: y(value)}));
+    for (const item of literals) {
+      line('limit', item.bound);
+      label(item.bound, 'bound-label');
+      if (item.moved !== item.bound) {
+        line('newlimit', item.moved);
+        label(item.moved, 'moved-label');
       }
     }
+    seen.forEach(value => label(value, 'end-label'));
     svg.append(drawn('polyline', {class: 'trace', points: points.map(([t, v]) => x(t).toFixed(1) + ',' + y(v).toFixed(1)).join(' ')}));
-    if (points.length <= 120) {
-      for (const [t, v] of points) svg.append(drawn('circle', {class: 'dot', cx: x(t).toFixed(1), cy: y(v).toFixed(1), r: 2.5}));
+    if (points.length <= MOST_DOTS) {
+      for (const [t, v] of points) svg.append(drawn('circle', {class: 'dot', cx: x(t).toFixed(1), cy: y(v).toFixed(1), r: 2.2}));
     }
-    const worst = points.find(p => p[0] === where.worst);
-    if (worst) {
-      svg.append(drawn('circle', {class: 'worst', cx: x(worst[0]), cy: y(worst[1]), r: 6}));
-      svg.append(drawn('text', {x: Math.min(x(worst[0]) + 10, WIDTH - RIGHT - 60), y: Math.max(TOP + 12, y(worst[1]) - 8)}, short(worst[1])));
+    const peak = points.find(point => point[0] === worst);
+    if (peak) {
+      const isLate = x(peak[0]) > WIDTH - 90;
+      svg.append(drawn('circle', {class: 'worst', cx: x(peak[0]), cy: y(peak[1]), r: 6}));
+      svg.append(drawn('text', {class: 'peak', x: x(peak[0]) + (isLate ? -10 : 10), 'text-anchor': isLate ? 'end' : 'start',
+        y: Math.max(TOP + 12, y(peak[1]) - 8)}, short(peak[1])));
     }
-    svg.append(drawn('text', {x: LEFT, y: 15}, words));
-    for (const [t, anchor] of [[from, 'start'], [where.start, 'middle'], [to, 'end']]) {
-      svg.append(drawn('text', {x: x(t), y: HEIGHT - 10, 'text-anchor': anchor}, time(t)));
+    svg.append(drawn('text', {class: 'title', x: LEFT, y: 16}, words));
+    for (const [moment, anchor] of [[from, 'start'], [(start + end) / 2, 'middle'], [to, 'end']]) {
+      svg.append(drawn('text', {class: 'moment', x: x(moment), y: HEIGHT - 10, 'text-anchor': anchor}, time(moment)));
     }
     return svg;
   }
 
+  let width = window.innerWidth;
+  window.addEventListener('resize', () => {
+    if (window.innerWidth === width) return;
+    width = window.innerWidth;
+    for (const [place, number] of chosen) if (at('jumps', place).open) show(place, number);
+  });
+
   // ---- what if ----
-  function changed() {
-    return rules.some((rule, i) => rule.enabled !== original[i].enabled
-      || rule.literals.some((literal, j) => literal.bound !== original[i].literals[j].bound));
-  }
-  function counts(judged) {
-    const per = new Array(rules.length).fill(0);
-    let violated = 0;
-    for (let i = 0; i < judged.verdict.length; i++) {
-      if (judged.verdict[i] === VIOLATED) { violated++; per[judged.first[i]]++; }
+  const isChanged = () => rules.some((rule, i) => isRuleChanged(rule, i));
+  const isRuleChanged = (rule, i) => rule.enabled !== original[i].enabled
+    || rule.literals.some((literal, j) => literal.bound !== original[i].literals[j].bound);
+  // By recording, the numbers of the violations that are none with these bounds.
+  const gone = new Map();
+
+  // Rows of the page in which a rule is violated, by the rules of the file and by those tried.
+  function truths(place, rule) {
+    const rows = rowsOf(place);
+    const then = new Uint8Array(rows.count), now = new Uint8Array(rows.count);
+    for (let row = 0; row < rows.count; row++) {
+      if (!rows.known[row]) continue;
+      then[row] = original[rule].enabled && isTrue(original[rule], rows.columns, row);
+      now[row] = rules[rule].enabled && isTrue(rules[rule], rows.columns, row);
     }
-    return {violated, per};
+    return {then, now};
   }
-  const before = recordings.map((_, place) => judge(original, rowsOf(place)));
-  function judgeAgain() {
-    const isChanged = changed();
-    const total = {before: 0, after: 0, fresh: 0, gone: 0, recordings: 0};
-    const per = new Array(rules.length).fill(0);
-    recordings.forEach((recording, place) => {
-      const rows = rowsOf(place);
-      const judged = isChanged ? judge(rules, rows) : before[place];
-      const now = counts(judged), then = counts(before[place]);
-      now.per.forEach((number, rule) => { per[rule] += number; });
-      total.before += then.violated;
-      total.after += now.violated;
-      let differs = false;
-      for (let i = 0; i < rows.count; i++) {
-        const was = before[place].verdict[i] === VIOLATED, is = judged.verdict[i] === VIOLATED;
-        if (is && !was) total.fresh++;
-        if (was && !is) total.gone++;
-        differs = differs || judged.verdict[i] !== before[place].verdict[i];
+
+  // Runs of rows in which a rule is violated now and nowhere was before; as in a check, short breaks
+  // are bridged.
+  function newRuns(place, {then, now}) {
+    const rows = rowsOf(place);
+    let runs = 0, isOld = true, isBroken = true, episode = null, end = 0;
+    for (const row of rows.order) {
+      if (!now[row]) {
+        isBroken = true;
+        continue;
       }
-      if (differs) total.recordings++;
-      band(place, isChanged ? judged : null);
-    });
-    per.forEach((number, rule) => {
-      const cell = at('count', rule);
-      if (cell) cell.textContent = number ? number : '';
-    });
-    const answer = document.getElementById('answer');
-    document.getElementById('reset').disabled = !isChanged;
-    if (!isChanged) { answer.textContent = ''; return; }
-    if (!rules.some(rule => rule.enabled)) { answer.textContent = 'No rule is enabled: every verdict would be UNKNOWN.'; return; }
-    answer.textContent = 'With these bounds ' + count(total.after, 'sample') + ' of the page would be violations instead of '
-      + total.before + ': ' + total.fresh + ' new, ' + total.gone + ' gone, in ' + count(total.recordings, 'recording')
-      + ' (the purple stripes).';
+      const isApart = isBroken && rows.times[row] - end > data.bridge;
+      if (isApart || rows.episodes[row] !== episode) {
+        runs += !isOld;
+        isOld = false;
+      }
+      [isBroken, episode, end] = [false, rows.episodes[row], rows.times[row] + rows.lengths[row]];
+      isOld = isOld || then[row] === 1;
+    }
+    return runs + !isOld;
   }
-  function band(place, judged) {
+
+  const remains = (place, [, episode, start, end], now) =>
+    rowsWithin(place, episode, start, end).some(row => now[row] && rowsOf(place).times[row] < end);
+
+  function judgeAgain() {
+    const total = {violations: 0, gone: 0, fresh: 0, differ: 0};
+    const changes = isChanged();
+    const changed = rules.map((_, i) => i).filter(i => isRuleChanged(rules[i], i));
+    const perRule = new Array(rules.length).fill(0), freshPerRule = new Array(rules.length).fill(0);
+    recordings.forEach((recording, place) => {
+      const own = new Set();
+      let fresh = 0;
+      const by = new Map(changed.map(rule => [rule, truths(place, rule)]));
+      for (const [rule, found] of by) {
+        const runs = newRuns(place, found);
+        freshPerRule[rule] += runs;
+        fresh += runs;
+      }
+      recording.violations.forEach((item, number) => {
+        if (by.has(item[0]) && !remains(place, item, by.get(item[0]).now)) own.add(number);
+        else perRule[item[0]]++;
+      });
+      gone.set(place, own);
+      total.violations += recording.violations.length;
+      total.gone += own.size;
+      total.fresh += fresh;
+      total.differ += own.size || fresh ? 1 : 0;
+      drawBand(place, changes ? judge(rules, rowsOf(place)) : null);
+      markGone(place);
+    });
+    perRule.forEach((number, rule) => {
+      const cell = at('count', rule);
+      if (cell) cell.textContent = String(number + freshPerRule[rule]);
+    });
+    document.getElementById('whatif').hidden = !changes;
+    document.getElementById('answer').textContent = changes ? answer(total) : '';
+  }
+
+  function answer(total) {
+    if (!rules.some(rule => rule.enabled)) return 'No rule is enabled: every verdict would be UNKNOWN.';
+    if (!total.gone && !total.fresh) return 'Nothing changes: all ' + count(total.violations, 'violation') + ' remain, and none is new.';
+    const least = data.thinned && total.fresh ? 'at least ' : '';
+    return total.violations - total.gone + ' of ' + count(total.violations, 'violation') + ' remain, '
+      + total.gone + ' gone, ' + least + total.fresh + ' new, in ' + count(total.differ, 'recording') + '.';
+  }
+
+  function markGone(place) {
+    const list = at('list', place);
+    if (!list) return;
+    for (const row of list.querySelectorAll('tr.gone')) row.classList.remove('gone');
+    for (const number of gone.get(place) || []) {
+      const row = list.querySelector('[data-violation="' + number + '"]');
+      if (row) row.classList.add('gone');
+    }
+  }
+
+  function drawBand(place, judged) {
     const group = at('whatif', place);
     group.replaceChildren();
     if (!judged) return;
     const recording = recordings[place], rows = rowsOf(place);
     const scale = data.cells / (recording.end - recording.begin);
     const cells = new Uint8Array(data.cells);
-    for (let i = 0; i < rows.count; i++) {
-      if (judged.verdict[i] !== VIOLATED) continue;
-      const first = Math.max(0, Math.min(data.cells - 1, Math.floor((rows.times[i] - recording.begin) * scale)));
-      const last = Math.min(data.cells - 1, Math.max(first, Math.ceil((rows.times[i] + rows.lengths[i] - recording.begin) * scale) - 1));
-      cells.fill(1, first, last + 1);
+    for (let row = 0; row < rows.count; row++) {
+      if (judged.verdict[row] !== VIOLATED) continue;
+      const begin = (rows.times[row] - recording.begin) * scale;
+      const first = Math.max(0, Math.min(data.cells - 1, Math.floor(begin)));
+      const end = Math.max(first + 1, Math.ceil(begin + rows.lengths[row] * scale));
+      cells.fill(1, first, Math.min(data.cells, end));
     }
     for (let first = 0; first < data.cells; first++) {
       if (!cells[first]) continue;
       let end = first;
       while (end < data.cells && cells[end]) end++;
-      group.append(drawn('rect', {class: 'whatif', x: first, y: 26, width: Math.max(1, end - first), height: 8}));
+      group.append(drawn('rect', {class: 'whatif', x: first, y: 26, width: end - first, height: 8}));
       first = end;
     }
   }
-  function mark(rule) {
+
+  function tried(rule) {
     const row = at('rule', rule);
-    if (!row) return;
-    const isChanged = rules[rule].enabled !== original[rule].enabled
-      || rules[rule].literals.some((literal, i) => literal.bound !== original[rule].literals[i].bound);
-    row.classList.toggle('changed', isChanged);
+    row.classList.toggle('changed', isRuleChanged(rules[rule], rule));
     row.classList.toggle('disabled', !rules[rule].enabled);
+    judgeAgain();
+    for (const [place, number] of chosen) {
+      if (recordings[place].violations[number][0] === rule && at('jumps', place).open) show(place, number);
+    }
   }
   for (const input of document.querySelectorAll('[data-bound]')) {
     input.addEventListener('input', () => {
@@ -259,36 +383,40 @@
       const bound = input.valueAsNumber;
       // While a number is being typed it may be none: the bound of the file holds.
       rules[rule].literals[literal].bound = Number.isFinite(bound) ? bound : original[rule].literals[literal].bound;
-      mark(rule);
-      judgeAgain();
-      for (const [place, number] of chosen) {
-        if (recordings[place].violations[number][0] === rule) show(place, number, false);
-      }
+      tried(rule);
     });
   }
   for (const box of document.querySelectorAll('[data-enable]')) {
     box.addEventListener('change', () => {
-      const rule = Number(box.dataset.enable);
-      rules[rule].enabled = box.checked;
-      mark(rule);
-      judgeAgain();
+      rules[box.dataset.enable].enabled = box.checked;
+      tried(Number(box.dataset.enable));
     });
   }
   const reset = document.getElementById('reset');
-  if (reset) {
-    reset.addEventListener('click', () => {
-      original.forEach((rule, place) => {
-        rules[place].enabled = rule.enabled;
-        rule.literals.forEach((literal, i) => { rules[place].literals[i].bound = literal.bound; });
-        mark(place);
-      });
-      for (const input of document.querySelectorAll('[data-bound]')) {
-        input.value = original[input.dataset.bound].literals[input.dataset.literal].bound;
-      }
-      for (const box of document.querySelectorAll('[data-enable]')) box.checked = original[box.dataset.enable].enabled;
-      judgeAgain();
-      for (const [place, number] of chosen) show(place, number, false);
-    });
+  reset.addEventListener('click', () => {
+    for (const input of document.querySelectorAll('[data-bound]')) {
+      const bound = original[input.dataset.bound].literals[input.dataset.literal].bound;
+      rules[input.dataset.bound].literals[input.dataset.literal].bound = bound;
+      input.value = bound;
+    }
+    for (const box of document.querySelectorAll('[data-enable]')) {
+      const rule = Number(box.dataset.enable);
+      rules[rule].enabled = box.checked = original[rule].enabled;
+      at('rule', rule).classList.remove('changed');
+      at('rule', rule).classList.toggle('disabled', !box.checked);
+    }
     judgeAgain();
-  }
+    for (const [place, number] of chosen) if (at('jumps', place).open) show(place, number);
+    const main = document.getElementById('rules-title');
+    main.tabIndex = -1;
+    main.focus({preventScroll: true});
+  });
+
+  recordings.forEach((_, place) => {
+    const jumps = at('jumps', place);
+    if (jumps && jumps.open) fill(place);
+  });
+  if (document.querySelector('[data-rule]')) judgeAgain();
+  // Before the first question, so that its answer need not wait for it.
+  window.addEventListener('load', () => setTimeout(() => recordings.forEach((_, place) => rowsOf(place))));
 })();

@@ -56,6 +56,7 @@ ARROWS = {
         'features',
         'learning',
         'nodes',
+        'report',
         'rosbag',
         'rules',
         'suggestion',

@@ -3,7 +3,6 @@
 """The pages of a comparison and of a triage: what they show, and that nothing in them runs."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -48,30 +47,12 @@ def side(values, name):
     return Side(name, check_data(data, RULES), RULES, (name,))
 
 
-@pytest.fixture
-def seen(tmp_path):
-    """Return a function that opens a page 600 px wide: errors, width of the content, text."""
-    playwright = pytest.importorskip('playwright.sync_api', reason='needs playwright')
-    chromium = Path('/usr/bin/chromium')
-    if not chromium.exists():
-        pytest.skip(f'needs {chromium}')
+NARROW = {'viewport': {'width': 600, 'height': 900}, 'color_scheme': 'dark'}
 
-    def look(page):
-        path = tmp_path / 'seen.html'
-        path.write_text(page.html())
-        errors = []
-        with playwright.sync_playwright() as started:
-            browser = started.chromium.launch(executable_path=chromium, args=['--no-sandbox'])
-            tab = browser.new_page(viewport={'width': 600, 'height': 900}, color_scheme='dark')
-            tab.on('console', lambda message: errors.append(message.text))
-            tab.on('pageerror', lambda error: errors.append(str(error)))
-            tab.goto(path.as_uri())
-            width = tab.evaluate('document.documentElement.scrollWidth')
-            text = tab.inner_text('main')
-            browser.close()
-        return errors, width, text
 
-    return look
+def look(tab):
+    """Return the width of a page's content, and its text."""
+    return tab.evaluate('document.documentElement.scrollWidth'), tab.inner_text('main')
 
 
 def test_the_page_of_a_comparison(tmp_path):
@@ -99,12 +80,11 @@ def test_the_page_of_a_comparison_with_itself_is_good():
     assert [section.id for section in page.sections] == ['all', 'settings']
 
 
-def test_a_browser_shows_a_comparison(seen):
+def test_a_browser_shows_a_comparison(open_page):
     before, after = side([(1.0, 1.0)] * 20, 'one'), side([(3.0, 0.1)] * 20, 'other')
-    errors, width, text = seen(
-        comparison_page('title', compare_sides(before, after, [(0, 0), (1, 1)]))
-    )
-    assert (errors, width) == ([], 600)
+    page = comparison_page('title', compare_sides(before, after, [(0, 0), (1, 1)]))
+    width, text = look(open_page(page, **NARROW))
+    assert width == 600
     assert f'FAST{EVIL}' in text
 
 
@@ -148,8 +128,8 @@ def test_the_page_of_a_triage():
     assert sum(y < limit for _, y in points) == 1
 
 
-def test_a_browser_shows_a_triage(seen):
+def test_a_browser_shows_a_triage(open_page):
     first, page = triaged()
-    errors, width, text = seen(page)
-    assert (errors, width) == ([], 600)
+    width, text = look(open_page(page, **NARROW))
+    assert width == 600
     assert f'1. {first.name}' in text

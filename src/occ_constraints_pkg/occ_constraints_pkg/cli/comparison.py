@@ -20,7 +20,7 @@ from occ_constraints_pkg.cli.common import (
     warn,
 )
 from occ_constraints_pkg.cli.judging import BRIDGE, MAX_LAG, TIMEOUT
-from occ_constraints_pkg.cli.report import HTML
+from occ_constraints_pkg.cli.report import HTML, named_title
 from occ_constraints_pkg.errors import ConfigurationError, OccError, import_needed
 from occ_constraints_pkg.files import PAGE, check_outputs
 
@@ -139,7 +139,9 @@ def compare(
         clock=clock,
     )
     if pages:
-        pages.write_comparison_page(html, f'{second} against {first}', result)
+        pages.write_comparison_page(
+            html, f'{named_title([second])} against {named_title([first])}', result
+        )
     if as_json:
         print_json(comparison_document(result))
     else:

@@ -25,7 +25,7 @@ from occ_constraints_pkg.cli.common import (
     seed_option,
     warn,
 )
-from occ_constraints_pkg.cli.report import HTML
+from occ_constraints_pkg.cli.report import HTML, named_title
 from occ_constraints_pkg.errors import ConfigurationError, OccError, import_needed
 from occ_constraints_pkg.files import MANIFEST, PAGE, check_outputs, make_directory, write_text
 
@@ -172,7 +172,7 @@ def triage(
             manifest, MANIFEST, manifest_without(found, result, Path(manifest).resolve().parent)
         )
     if pages:
-        pages.write_triage_page(html, f'Triage of {", ".join(paths[:3])}', result, ways)
+        pages.write_triage_page(html, f'Triage of {named_title(paths)}', result, ways)
     if as_json:
         print_json(triage_document(result, ways))
     else:

@@ -70,7 +70,8 @@ def add_recordings(
                 'samples': int(own.sum()),
                 'length': end - begin,
                 'shares': shares,
-                'runs': cell_runs(cells),
+                # Violations last, so that nothing covers them.
+                'runs': sorted(cell_runs(cells), key=lambda run: run[0] == 'violated'),
                 'violations': len(violations),
                 'unknown': len(unknown),
             }

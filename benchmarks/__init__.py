@@ -18,6 +18,7 @@ BENCHMARKS = {
     'record': 'What a killed recorder of 200 topics loses; takes 5 minutes.',
     'gate': 'The gate under random stops, kills and restarts.',
     'bags': 'Features of a bag beside its messages deserialized by rosbags.',
+    'triage': 'Triage of 200 recordings, ten of them bad; takes 3 minutes.',
     'report': 'The page of fifty recordings of an hour each, in a browser.',
     'highway': 'The world highway beside highway-env.',
     'worlds': 'The Safety-Gym tasks beside a bare loop of MuJoCo steps.',

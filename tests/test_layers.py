@@ -23,7 +23,7 @@ ARROWS = {
     'datasets': {'features', 'rosbag', 'rules'},
     'demonstrations': {'datasets', 'features', 'learning', 'rules'},
     'suggestion': {'datasets', 'features', 'rosbag'},
-    'checking': {'datasets', 'features', 'rules'},
+    'checking': {'datasets', 'features', 'learning', 'rosbag', 'rules'},
     'report': {'agents', 'checking', 'learning', 'rules'},
     'traffic': {'datasets', 'features', 'rosbag', 'rules'},
     'agents': {'worlds', 'features', 'rules'},

@@ -96,6 +96,9 @@ CONSTRAINTS = _kind(
     'a constraints file', rb'(?:^|[{,]\s*)["\']?rules["\']?\s*:', head=DOCUMENT_BYTES
 )
 FEATURE_MAP = _kind('a feature map', rb'(?:^|[{,]\s*)["\']?features["\']?\s*:', head=DOCUMENT_BYTES)
+MANIFEST = _kind(
+    'a manifest', rb'(?:^|[{,]\s*)["\']?recordings["\']?\s*:', '.yaml', '.yml', head=DOCUMENT_BYTES
+)
 C_HEADER = _kind('a C header of rules', rb'\A/\* Safety rules learned from demonstrations')
 RESULTS = _kind('a file of results (JSON)', rb'\A\s*[{\[]')
 COUNTS = _kind('a file of rule counters', rb'\A\s*\{\s*"format":\s*"occ_constraints counts')

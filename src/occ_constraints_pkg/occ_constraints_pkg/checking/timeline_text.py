@@ -78,7 +78,7 @@ def timeline_document(timeline: Timeline, rule_set: RuleSet) -> dict[str, Any]:
         'shares_of_time': timeline.shares,
         'silence': float(timeline.silence.sum()),
         'sources': [source['name'] for source in timeline.data.sources],
-        'violations': [_violation_entry(item, timeline, rule_set) for item in timeline.violations],
+        'violations': [violation_entry(item, timeline, rule_set) for item in timeline.violations],
         'unknown': [
             {**_entry(item, timeline), 'features': unusable_features(item, timeline, rule_set)}
             for item in timeline.unknown
@@ -130,7 +130,8 @@ def _violation_lines(timeline: Timeline, rule_set: RuleSet) -> list[str]:
     return lines
 
 
-def _violation_entry(item: Interval, timeline: Timeline, rule_set: RuleSet) -> dict[str, Any]:
+def violation_entry(item: Interval, timeline: Timeline, rule_set: RuleSet) -> dict[str, Any]:
+    """Return one violation as plain values, ready for JSON."""
     rule, worst = rule_set.rules[item.rule], item.worst
     return {
         'rule': rule.id,

@@ -8,6 +8,7 @@ import click
 
 import occ_constraints_pkg
 from occ_constraints_pkg.cli.common import help_without_command
+from occ_constraints_pkg.cli.comparison import compare
 from occ_constraints_pkg.cli.completion import SHELLS, print_script
 from occ_constraints_pkg.cli.learning import learn
 from occ_constraints_pkg.cli.nodes import demo, doctor, node, watch
@@ -15,10 +16,11 @@ from occ_constraints_pkg.cli.recordings import features, import_, info, play, re
 from occ_constraints_pkg.cli.report import report
 from occ_constraints_pkg.cli.rules import check, diff, export, prune, score, show, simplify
 from occ_constraints_pkg.cli.simulation import drive, evaluate, train
+from occ_constraints_pkg.cli.triage import triage
 
 _GROUPS = {
-    'Rules': (learn, show, diff, check, score, prune, simplify, export, report),
-    'Recordings': (info, features, record, play, import_),
+    'Rules': (learn, show, diff, check, compare, score, prune, simplify, export, report),
+    'Recordings': (info, features, record, play, triage, import_),
     'Nodes': (node, watch, doctor, demo),
     'Simulation': (train, evaluate, drive),
 }

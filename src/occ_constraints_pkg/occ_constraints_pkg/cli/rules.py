@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from occ_constraints_pkg.checking.timeline import BRIDGE_SECONDS, TIMEOUT_SECONDS, check_data
+from occ_constraints_pkg.checking.timeline import check_data
 from occ_constraints_pkg.cli.common import (
     DATA,
     DEFINITIONS,
@@ -27,9 +27,9 @@ from occ_constraints_pkg.cli.common import (
     warn,
 )
 from occ_constraints_pkg.cli.completion import rule_ids
+from occ_constraints_pkg.cli.judging import BRIDGE, MAX_LAG, TIMEOUT
 from occ_constraints_pkg.cli.report import HTML, named_title
 from occ_constraints_pkg.errors import ConfigurationError, import_needed
-from occ_constraints_pkg.features.lateness import MAX_LAG_SECONDS
 from occ_constraints_pkg.files import (
     C_HEADER,
     CONSTRAINTS,
@@ -151,28 +151,9 @@ def diff(first: str, second: str, as_json: bool) -> int:
     type=click.Path(),
     help='Write the constraints file with counters of these recordings, for `occ prune`.',
 )
-@click.option(
-    '--timeout',
-    default=TIMEOUT_SECONDS,
-    show_default=True,
-    type=Seconds(),
-    help='Seconds that a verdict is valid without new input; after that the time is UNKNOWN.',
-)
-@click.option(
-    '--max-lag',
-    default=MAX_LAG_SECONDS,
-    show_default=True,
-    type=Seconds(above_zero=False),
-    help='Largest lag of messages, by log times and stamps, beyond which the verdict is UNKNOWN; '
-    '0: any.',
-)
-@click.option(
-    '--bridge',
-    default=BRIDGE_SECONDS,
-    show_default=True,
-    type=Seconds(above_zero=False),
-    help='Violations of a rule that are at most as many seconds apart count as one.',
-)
+@TIMEOUT
+@MAX_LAG
+@BRIDGE
 @click.option('--plot', type=click.Path(), help='Draw the timeline to this PNG file.')
 @HTML
 @click.option(

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -111,6 +112,46 @@ class Dataset:
             'time_ns': int(self.origins['time_ns'][row]),
             'row': int(self.origins['row'][row]),
         }
+
+
+def joined(parts: Sequence[Dataset]) -> Dataset:
+    """Return data of the same features and kind, one below the other.
+
+    Episodes and sources are numbered on; a true cost that a part lacks is NaN.
+
+    Args:
+        parts: at least one; each with times and origins, or none of them.
+    """
+    numbers, episodes, sources, rows = [], [], 0, 0
+    for part in parts:
+        own = np.zeros(len(part), dtype=np.int64) if part.recordings is None else part.recordings
+        numbers.append(own + sources)
+        sources += len(part.sources)
+        # Within a part, episodes need not be numbered without gaps.
+        _, own = np.unique(part.episodes, return_inverse=True)
+        episodes.append(own.reshape(-1) + rows)
+        rows = int(episodes[-1].max(initial=rows - 1)) + 1
+    has_cost = any(part.true_cost is not None for part in parts)
+
+    def column(name: str) -> np.ndarray | None:
+        columns = [getattr(part, name) for part in parts]
+        return None if columns[0] is None else np.concatenate(columns)
+
+    costs = [
+        np.full(len(part), np.nan) if part.true_cost is None else part.true_cost for part in parts
+    ]
+    return Dataset(
+        parts[0].names,
+        np.concatenate([part.values for part in parts]),
+        np.concatenate([part.stamps_ns for part in parts]),
+        np.concatenate(episodes),
+        np.concatenate(costs) if has_cost else None,
+        column('times_ns'),
+        column('origins'),
+        np.concatenate(numbers),
+        tuple(source for part in parts for source in part.sources),
+        tuple(warning for part in parts for warning in part.warnings),
+    )
 
 
 def without_repeats(data: Dataset, earlier: Dataset | None = None) -> tuple[Dataset, list[str]]:

@@ -23,7 +23,7 @@ from occ_constraints_pkg.rosbag.storage import Block
 
 
 def extract(
-    paths: Sequence[str | Path],
+    paths: Sequence[str | Path | Selection],
     feature_map: FeatureMap,
     *,
     max_lag: float = 0.0,

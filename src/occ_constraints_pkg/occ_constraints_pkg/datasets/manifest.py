@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from occ_constraints_pkg.datasets.table_files import is_table_file
-from occ_constraints_pkg.documents import load_schema, parse_yaml, read_text, validate
+from occ_constraints_pkg.documents import dump_yaml, load_schema, parse_yaml, read_text, validate
 from occ_constraints_pkg.errors import ConfigurationError
 
 SCHEMA = load_schema(__package__, 'manifest.schema.json')
@@ -40,6 +40,9 @@ class Selection:
     include: tuple[Interval, ...] = ()
     exclude: tuple[Interval, ...] = ()
     episodes: tuple[int, ...] = ()
+
+    def __fspath__(self) -> str:
+        return str(self.path)
 
     def stretches(self, times_ns: np.ndarray) -> np.ndarray:
         """Tell which stretch each time lies in.
@@ -81,22 +84,44 @@ class Selection:
         return document
 
 
-def select(paths: Sequence[str | Path]) -> list[Selection]:
+def select(paths: Sequence[str | Path | Selection]) -> list[Selection]:
     """Return the recordings that paths name, those that a manifest lists in its place.
 
     Args:
-        paths: recordings, and manifests (files that end in .yaml or .yml).
+        paths: recordings, and manifests (files that end in .yaml or .yml); what is a selection
+            already stays one.
 
     Raises:
         OccError: a manifest cannot be read or is wrong.
     """
     selections = []
     for path in paths:
-        if Path(path).suffix in _SUFFIXES and not os.path.isdir(path):
+        if isinstance(path, Selection):
+            selections.append(path)
+        elif Path(path).suffix in _SUFFIXES and not os.path.isdir(path):
             selections += load_manifest(path)
         else:
             selections.append(Selection(Path(path)))
     return selections
+
+
+def dump_manifest(selections: Sequence[Selection], notes: Sequence[str], folder: Path) -> str:
+    """Return the text of a manifest.
+
+    Args:
+        selections: the recordings, and the parts of them to use.
+        notes: a note on each, empty for none.
+        folder: where the manifest will be, which its paths are relative to.
+    """
+    entries = [
+        {
+            'path': Path(os.path.relpath(selection.path, folder)).as_posix(),
+            **selection.to_document(),
+            **({'note': note} if note else {}),
+        }
+        for selection, note in zip(selections, notes, strict=True)
+    ]
+    return dump_yaml({'schema_version': 1, 'recordings': entries})
 
 
 def load_manifest(path: str | Path) -> list[Selection]:

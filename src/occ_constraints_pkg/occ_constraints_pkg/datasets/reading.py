@@ -9,7 +9,7 @@ from pathlib import Path
 
 from occ_constraints_pkg.datasets.dataset import Dataset
 from occ_constraints_pkg.datasets.extraction import extract
-from occ_constraints_pkg.datasets.manifest import select
+from occ_constraints_pkg.datasets.manifest import Selection, select
 from occ_constraints_pkg.datasets.table_files import TABLE_ENDINGS, are_table_files, read_tables
 from occ_constraints_pkg.errors import DataError
 from occ_constraints_pkg.features.feature_map import FeatureMap
@@ -50,7 +50,7 @@ def read_demonstrations(
 
 
 def read_for_rules(
-    paths: Sequence[str | Path],
+    paths: Sequence[str | Path | Selection],
     constraints: Constraints,
     where: str,
     *,

@@ -8,6 +8,7 @@ import csv
 import io
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
+from os import PathLike, fspath
 from pathlib import Path
 
 import numpy as np
@@ -51,12 +52,12 @@ class _Content:
     missing: tuple[str, ...] = ()
 
 
-def is_table_file(path: str | Path) -> bool:
+def is_table_file(path: str | PathLike[str]) -> bool:
     """Tell by its name whether a path is a table file and not a recording."""
     return Path(path).suffix in _READERS and not Path(path).is_dir()
 
 
-def are_table_files(paths: Sequence[str | Path]) -> bool:
+def are_table_files(paths: Sequence[str | PathLike[str]]) -> bool:
     """Tell whether data are table files (True) or recordings (False).
 
     Raises:
@@ -66,14 +67,14 @@ def are_table_files(paths: Sequence[str | Path]) -> bool:
     if tables and len(tables) < len(paths):
         other = next(path for path in paths if path not in tables)
         raise DataError(
-            f'got the table {tables[0]} and the recording {other}; '
+            f'got the table {fspath(tables[0])} and the recording {fspath(other)}; '
             'allowed are tables only or recordings only'
         )
     return bool(tables)
 
 
 def read_tables(
-    paths: Sequence[str | Path], space: FeatureSpace | None = None
+    paths: Sequence[str | PathLike[str]], space: FeatureSpace | None = None
 ) -> tuple[Dataset, FeatureSpace]:
     """Read table files, one below the other.
 

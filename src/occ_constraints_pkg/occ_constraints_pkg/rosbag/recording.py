@@ -19,6 +19,14 @@ from occ_constraints_pkg.documents import did_you_mean
 from occ_constraints_pkg.errors import DataError, OccError
 from occ_constraints_pkg.files import sha256_of
 from occ_constraints_pkg.rosbag.cdr_errors import wrong_bytes
+from occ_constraints_pkg.rosbag.file_names import (
+    SPLIT,
+    SUFFIXES,
+    bare_name,
+    is_storage,
+    natural_order,
+    storage_suffix,
+)
 from occ_constraints_pkg.rosbag.mcap_file import McapFile
 from occ_constraints_pkg.rosbag.metadata import (
     is_compressed_by_message,
@@ -47,9 +55,6 @@ from occ_constraints_pkg.rosbag.typestores import (
 )
 from occ_constraints_pkg.wording import count_of
 
-_SUFFIXES = ('.mcap', '.db3')
-# How the names of the files end that a recorder splits a recording into.
-_SPLIT = re.compile(r'_\d+$')
 # The first two bytes of a message in plain CDR, big- and little-endian.
 _CDR = (b'\0\0', b'\0\1')
 # Messages that decide by which of several definitions a topic is read.
@@ -101,7 +106,7 @@ class Recording:
         self._definitions: dict[str, tuple[str, str, str, str]] = {}
         self._unpacked = Unpacked()
         try:
-            self.name = self.path.name if self.path.is_dir() else _bare_name(self.path)
+            self.name = self.path.name if self.path.is_dir() else bare_name(self.path)
             metadata = self._find_files()
         # A name may be too long, the path's or one that metadata.yaml lists.
         except OSError as error:
@@ -152,6 +157,16 @@ class Recording:
     def start_ns(self) -> int:
         """Log time of the first message."""
         return min(segment.start_ns for storage in self._storages for segment in storage.segments)
+
+    def file_at(self, time_ns: int) -> Path:
+        """Return the storage file that holds what was logged at a time, or last before."""
+        starts = [
+            (min(segment.start_ns for segment in storage.segments), place)
+            for place, storage in enumerate(self._storages)
+            if storage.segments
+        ]
+        earlier = [item for item in starts if item[0] <= time_ns]
+        return self.files[max(earlier)[1] if earlier else min(starts)[1]]
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[RawMessage]:
         """Yield messages in the order in which they were logged; equal times in file order.
@@ -347,10 +362,10 @@ class Recording:
         if not path.exists():
             raise DataError(f'there is no recording at {path}')
         if not path.is_dir():
-            if not _is_storage(path):
+            if not is_storage(path):
                 raise DataError(
                     f'{path} is not a recording; allowed are rosbag2 directories and files that '
-                    f'end in {" or ".join(_SUFFIXES)}'
+                    f'end in {" or ".join(SUFFIXES)}'
                 )
             self.files = (path,)
             return {}
@@ -359,12 +374,12 @@ class Recording:
         # Before version 4 the listed paths began with the directory's own name.
         names = [PurePosixPath(name).name for name in metadata.get('relative_file_paths') or ()]
         if not names:
-            found = (file for file in path.iterdir() if _is_storage(file))
-            names = sorted((file.name for file in found), key=_natural)
+            found = (file for file in path.iterdir() if is_storage(file))
+            names = sorted((file.name for file in found), key=natural_order)
             if not names:
                 raise DataError(
                     f'{path} is not a recording: it holds neither a metadata.yaml that lists files '
-                    f'nor files that end in {" or ".join(_SUFFIXES)}'
+                    f'nor files that end in {" or ".join(SUFFIXES)}'
                 )
         self.files = tuple(_as_stored(path / name) for name in names)
         self._add_unlisted()
@@ -375,26 +390,26 @@ class Recording:
 
     def _add_unlisted(self) -> None:
         """Add files that continue those that are listed, as after a recorder was killed."""
-        listed = {_bare_name(file) for file in self.files}
-        stems = {_SPLIT.sub('', name) for name in listed if _SPLIT.search(name)}
-        suffixes = {_storage_suffix(file) for file in self.files}
+        listed = {bare_name(file) for file in self.files}
+        stems = {SPLIT.sub('', name) for name in listed if SPLIT.search(name)}
+        suffixes = {storage_suffix(file) for file in self.files}
         found = [
             file
             for file in self.path.iterdir()
-            if _is_storage(file)
-            and _bare_name(file) not in listed
-            and _SPLIT.search(_bare_name(file))
-            and _SPLIT.sub('', _bare_name(file)) in stems
-            and _storage_suffix(file) in suffixes
+            if is_storage(file)
+            and bare_name(file) not in listed
+            and SPLIT.search(bare_name(file))
+            and SPLIT.sub('', bare_name(file)) in stems
+            and storage_suffix(file) in suffixes
         ]
         if found:
-            names = sorted((file.name for file in found), key=_natural)
+            names = sorted((file.name for file in found), key=natural_order)
             self._warnings.append(
                 f'{self.path} holds {", ".join(names)}, which its metadata.yaml does not list; '
                 f'{"it is" if len(names) == 1 else "they are"} used'
             )
             every = {file.name: file for file in (*self.files, *found)}
-            self.files = tuple(every[name] for name in sorted(every, key=_natural))
+            self.files = tuple(every[name] for name in sorted(every, key=natural_order))
 
     def _open(self, path: Path) -> StorageFile:
         file, warning = self._unpacked.open(path)
@@ -484,28 +499,6 @@ def _msgtype(storage: StorageFile, channel: int) -> str:
 
 def _unpack_message(data: bytes) -> bytes:
     return unpack_zstd(data, MAX_PIECE_BYTES)
-
-
-def _is_storage(file: Path) -> bool:
-    return file.is_file() and _storage_suffix(file) in _SUFFIXES
-
-
-def _storage_suffix(file: Path) -> str:
-    """Return the last ending of a name that is not one of a compressed file; empty without one."""
-    suffixes = [suffix for suffix in file.suffixes if suffix not in ZSTD_SUFFIXES]
-    return suffixes[-1] if suffixes else ''
-
-
-def _bare_name(file: Path) -> str:
-    name = file.name
-    for suffix in (*ZSTD_SUFFIXES, *_SUFFIXES):
-        name = name.removesuffix(suffix)
-    return name
-
-
-def _natural(name: str) -> list[Any]:
-    """Sort key that puts ``bag_10`` after ``bag_9``."""
-    return [int(part) if part.isdigit() else part for part in re.split(r'(\d+)', name)]
 
 
 def _as_stored(file: Path) -> Path:

@@ -127,6 +127,7 @@ class BagWriter:
         log_time_ns: int,
         publish_time_ns: int | None = None,
         qos: Sequence[Mapping[str, Any]] | None = None,
+        definition: str = '',
     ) -> None:
         """Append one message.
 
@@ -139,6 +140,8 @@ class BagWriter:
             qos: profiles of the topic's publishers, one each, spelled as in rosbag2 metadata 9
                 (see :func:`~occ_constraints_pkg.rosbag.qos.from_profile`); what the topic's first
                 message brings is recorded.
+            definition: of the type with all its parts, in ``ros2msg`` form, where a recording
+                brings its own; empty: as :func:`.find_definition` knows it.
 
         Raises:
             OccError: the recording is closed, the topic had another type before, a time is out
@@ -165,7 +168,9 @@ class BagWriter:
                 self._begin_file()
             file = self._files[-1]
             if not file.has_channel(topic):
-                self._add_channel(file, topic, known or self._add_topic(topic, msgtype, qos or ()))
+                self._add_channel(
+                    file, topic, known or self._add_topic(topic, msgtype, qos or (), definition)
+                )
             file.add(topic, data, log_time_ns, publish)
             if time.monotonic() - self._flushed >= FLUSH_SECONDS:
                 self._flush()
@@ -213,8 +218,11 @@ class BagWriter:
         self._files[-1].start()
         self._write_metadata()
 
-    def _add_topic(self, topic: str, msgtype: str, qos: Sequence[Mapping[str, Any]]) -> _Topic:
-        text, type_hash = find_definition(msgtype)
+    def _add_topic(
+        self, topic: str, msgtype: str, qos: Sequence[Mapping[str, Any]], definition: str
+    ) -> _Topic:
+        # What hash another definition has is not known here.
+        text, type_hash = (definition, '') if definition else find_definition(msgtype)
         self._topics[topic] = _Topic(msgtype, [dict(profile) for profile in qos], text, type_hash)
         return self._topics[topic]
 

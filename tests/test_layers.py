@@ -29,6 +29,7 @@ ARROWS = {
     'ros': {'features'},
     'nodes': {
         'agents',
+        'datasets',
         'demonstrations',
         'features',
         'learning',

@@ -150,7 +150,6 @@ class PPOLagrangianConfig:
 AFTER_CLONING: Mapping[str, Any] = {
     'multiplier_init': 4.0,
     'multiplier_rate': 0.02,
-    'multiplier_gain': 0.5,
     'critic_updates': 3,
     'minibatch': 4096,
     'log_std_init': -1.2,

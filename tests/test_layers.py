@@ -30,6 +30,7 @@ ARROWS = {
     'ros': {'features'},
     'nodes': {
         'agents',
+        'datasets',
         'demonstrations',
         'features',
         'learning',

@@ -485,3 +485,60 @@ def test_an_older_checkpoint_goes_on_with_the_noise_that_it_had(tmp_path):
     assert older.config.log_std_end == older.config.log_std_init
     run(older, stream, batch, 20)
     assert older.updates == learner.updates + 1
+
+
+def demonstrations(n=400):
+    rng = np.random.default_rng(3)
+    columns, actions = len(LineWorld.columns), len(LineWorld.action_columns)
+    observations = rng.normal(size=(n, columns)).astype(np.float32)
+    return observations, np.tile(np.tanh(observations[:, :1]), (1, actions))
+
+
+def test_a_cloned_policy_acts_as_demonstrated():
+    learner = make_learner()
+    observations, actions = demonstrations()
+    before = np.square(learner.policy().act(observations) - actions).mean()
+    noise = learner.policy().log_std
+    error = learner.clone(observations, actions)
+    policy = learner.policy()
+    after = np.square(policy.act(observations) - actions).mean()
+    assert after < before / 4
+    assert error == pytest.approx(after, rel=0.5)
+    assert np.array_equal(policy.log_std, noise)
+
+
+def test_the_policy_stays_while_only_critics_learn():
+    learner = make_learner(critic_updates=2)
+    learner.clone(*demonstrations())
+    cloned, critic = copy.deepcopy(learner), learner._critic.state_dict()
+    critic = {name: weights.clone() for name, weights in critic.items()}
+    stream = EpisodeStream(LineWorld(4), seed=0)
+    batch, metrics = run(learner, stream, stream.reset(), 2 * SMALL.rollout_steps + 1)
+    assert len(metrics) == 2
+    assert same_policy(cloned, learner)
+    assert any(not torch.equal(critic[name], w) for name, w in learner._critic.state_dict().items())
+    run(learner, stream, batch, SMALL.rollout_steps)
+    assert not same_policy(cloned, learner)
+
+
+@pytest.mark.parametrize(
+    ('spoil', 'words'),
+    [
+        (lambda o, a: (o[:0], a[:0]), 'n at least 1'),
+        (lambda o, a: (o[:, 1:], a), 'cannot be cloned; allowed are'),
+        (lambda o, a: (o, a[1:]), 'cannot be cloned; allowed are'),
+        (lambda o, a: (o, np.where(a > 0, np.nan, a)), 'not finite'),
+    ],
+)
+def test_what_cannot_be_cloned_is_refused(spoil, words):
+    learner = make_learner()
+    with pytest.raises(OccError, match=words):
+        learner.clone(*spoil(*demonstrations()))
+
+
+def test_a_learner_that_has_begun_does_not_clone():
+    learner = make_learner()
+    stream = EpisodeStream(LineWorld(4), seed=0)
+    run(learner, stream, stream.reset(), 1)
+    with pytest.raises(ConfigurationError, match='only be cloned before training'):
+        learner.clone(*demonstrations())

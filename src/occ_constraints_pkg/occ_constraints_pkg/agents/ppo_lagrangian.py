@@ -37,6 +37,10 @@ from occ_constraints_pkg.errors import ConfigurationError, DataError, OccError
 from occ_constraints_pkg.worlds.base import Column
 from occ_constraints_pkg.worlds.stream import StepBatch
 
+# Behaviour cloning: passes over the demonstrations, and more until there are enough steps; samples
+# of a step, and its rate at the start.
+_CLONING_PASSES, _CLONING_STEPS, _CLONING_BATCH, _CLONING_RATE = 20, 1000, 256, 2e-3
+
 
 class Multiplier:
     """A proportional-integral controller (Stooke, Achiam and Abbeel 2020), bounded in both parts.
@@ -193,6 +197,8 @@ def _improve(
     data: _TrainingData,
     config: PPOLagrangianConfig,
     rng: np.random.Generator,
+    *,
+    learns_actor: bool = True,
 ) -> dict[str, Any]:
     """Run the gradient steps of one update: clipped surrogate, squared errors for both critics.
 
@@ -204,6 +210,7 @@ def _improve(
         data: what to learn from.
         config: the settings.
         rng: shuffles the minibatches.
+        learns_actor: whether the policy changes; else only the critics do.
 
     Returns:
         Means over the last epoch, and the number of epochs; see ``TrainingMetrics``.
@@ -233,7 +240,8 @@ def _improve(
             value_loss = (critic(x)[:, 0] - target[index]).square().mean()
             cost_loss = (cost_critic(x)[:, 0] - cost_target[index]).square().mean()
             optimiser.zero_grad()
-            (policy_loss + value_loss + cost_loss).backward()
+            loss = value_loss + cost_loss
+            (loss + policy_loss if learns_actor else loss).backward()
             for network in networks.values():
                 nn.utils.clip_grad_norm_(network.parameters(), config.max_grad_norm)
             optimiser.step()
@@ -390,6 +398,57 @@ class PPOLagrangian:
         self._open = True
         return action
 
+    def clone(self, observations: np.ndarray, actions: np.ndarray) -> float:
+        """Learn to act as demonstrated, by behaviour cloning, before anything else is learned.
+
+        The mean of the policy is fitted to the actions by least squares; its noise stays as it is.
+
+        Args:
+            observations: (n, k) demonstrated states, at least one.
+            actions: (n, a) what was done in them; clipped to the range of actions, -1 to 1.
+
+        Returns:
+            The mean squared error that is left, per action.
+
+        Raises:
+            DataError: the shapes do not fit, or a number is not finite.
+            ConfigurationError: the learner has already learned.
+        """
+        if self.updates or self._rollout is not None:
+            raise ConfigurationError(
+                'demonstrations can only be cloned before training; allowed is a new learner'
+            )
+        n, expected = len(observations), (len(self.columns), len(self.action_columns))
+        if not n or observations.shape != (n, expected[0]) or actions.shape != (n, expected[1]):
+            raise DataError(
+                f'demonstrations of shapes {observations.shape} and {actions.shape} cannot be '
+                f'cloned; allowed are (n, {expected[0]}) observations and (n, {expected[1]}) '
+                'actions, n at least 1'
+            )
+        if not (np.isfinite(observations).all() and np.isfinite(actions).all()):
+            raise DataError('demonstrations hold numbers that are not finite; allowed are others')
+        self._normaliser.fold(observations)
+        self._policy = self.policy()
+        x = self._normalised(np.asarray(observations, dtype=np.float32)).to(self._device)
+        y = torch.from_numpy(np.clip(actions, -1.0, 1.0).astype(np.float32)).to(self._device)
+        weights = [weight for name, weight in self._actor.named_parameters() if name != 'log_std']
+        optimiser = torch.optim.Adam(weights, lr=_CLONING_RATE)
+        each = -(-n // _CLONING_BATCH)
+        passes = max(_CLONING_PASSES, -(-_CLONING_STEPS // each))
+        schedule = torch.optim.lr_scheduler.LinearLR(optimiser, 1.0, 0.05, passes * each)
+        for _ in range(passes):
+            order = torch.from_numpy(self._rng.permutation(n)).to(self._device)
+            total = 0.0
+            for index in torch.split(order, _CLONING_BATCH):
+                loss = (self._actor(x[index]) - y[index]).square().mean()
+                optimiser.zero_grad()
+                loss.backward()
+                optimiser.step()
+                schedule.step()
+                total += loss.item() * len(index)
+        self._policy = self.policy()
+        return total / n
+
     def interrupt(self, *, new_episodes: bool = True) -> None:
         """Drop the open transition: its successor will not arrive.
 
@@ -479,7 +538,14 @@ class PPOLagrangian:
             left = max(_MIN_LEARNING_RATE, 1.0 - progress)
             actor, critics = self._optimiser.param_groups
             actor['lr'], critics['lr'] = left * config.actor_lr, left * config.critic_lr
-        losses = _improve(self._networks, self._optimiser, self._training_data(), config, self._rng)
+        losses = _improve(
+            self._networks,
+            self._optimiser,
+            self._training_data(),
+            config,
+            self._rng,
+            learns_actor=self.updates >= config.critic_updates,
+        )
         if config.log_std_end < config.log_std_init:
             bound = config.log_std_init + progress * (config.log_std_end - config.log_std_init)
             with torch.no_grad():

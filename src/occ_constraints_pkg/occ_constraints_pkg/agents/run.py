@@ -9,8 +9,11 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from occ_constraints_pkg.agents.rule_cost import RuleCost
 from occ_constraints_pkg.agents.settings import (
+    AFTER_CLONING,
     PPOLagrangianConfig,
     TrainingMetrics,
     learner_settings,
@@ -41,6 +44,7 @@ class RunSettings:
         device: where updates are computed, ``cpu`` or ``cuda``.
         processes: processes that step the world, this one included; 0: one per core.
         learner: settings of the learner that differ from the defaults, by name.
+        cloned: whether the policy is first cloned from demonstrations, which has other defaults.
     """
 
     world: str
@@ -52,6 +56,7 @@ class RunSettings:
     device: str = 'cpu'
     processes: int = 0
     learner: Mapping[str, Any] = field(default_factory=dict)
+    cloned: bool = False
 
 
 @dataclass(frozen=True)
@@ -117,6 +122,7 @@ def run(
     output: str | Path,
     *,
     resume: bool = False,
+    demonstrated: Callable[[], tuple[np.ndarray, np.ndarray]] | None = None,
     progress: Callable[[TrainingMetrics], None] | None = None,
     is_stopped: Callable[[], bool] = lambda: False,
     say: Callable[[str], None] = lambda sentence: None,
@@ -128,6 +134,8 @@ def run(
         output: directory for policy, metrics, checkpoint and counted rules.
         resume: continue from the checkpoint there, if there is one, exactly as if the training had
             not been interrupted; ``steps``, ``device`` and ``processes`` may differ.
+        demonstrated: returns the observations and actions that a new policy is cloned from; needed
+            exactly where ``settings.cloned``.
         progress: called after each update.
         is_stopped: called before each step; ``True`` saves and ends the training.
         say: called with messages for the user.
@@ -159,6 +167,13 @@ def run(
             earlier = directory.begin()
             if earlier:
                 say(f'an earlier training is now in {earlier}')
+            if demonstrated is not None:
+                observations, actions = demonstrated()
+                error = learner.clone(observations, actions)
+                say(
+                    f'the policy is cloned from {len(actions)} demonstrated actions, '
+                    f'mean squared error {error:.3f}'
+                )
         train(
             world,
             learner,
@@ -192,7 +207,8 @@ def _config(settings: RunSettings, constraints: Constraints | None) -> PPOLagran
                 f'learner setting {name} is not set by itself here: it follows from the cost, cost '
                 'limit, steps or device of the training; allowed is to give that'
             )
-    config = learner_settings({**settings.learner, **chosen})
+    defaults = AFTER_CLONING if settings.cloned else {}
+    config = learner_settings({**defaults, **settings.learner, **chosen})
     config.check_steps('steps', settings.steps, settings.robots)
     return config
 

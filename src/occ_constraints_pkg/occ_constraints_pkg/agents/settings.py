@@ -27,6 +27,7 @@ class PPOLagrangianConfig:
         multiplier_rate: change of the multiplier's integral per update and unit of excess.
         multiplier_gain: proportional part of the multiplier per unit of excess.
         multiplier_band: share of the cost limit that makes one unit of excess.
+        critic_updates: updates at the start in which the critics learn and the policy stays.
         cost_memory: episodes' worth of latest steps that the multiplier's cost is a mean of.
         rollout_steps: steps of each robot between updates.
         passes: maximum number of epochs over a rollout per update.
@@ -59,6 +60,7 @@ class PPOLagrangianConfig:
     multiplier_gain: float = 1.0
     multiplier_band: float = 1.0 / 3.0
     cost_memory: float = 50.0
+    critic_updates: int = 0
     rollout_steps: int = 64
     passes: int = 5
     minibatch: int = 1024
@@ -89,6 +91,7 @@ class PPOLagrangianConfig:
             'multiplier_init',
             'multiplier_rate',
             'multiplier_gain',
+            'critic_updates',
             'decay_steps',
         ):
             self._require(name, getattr(self, name) >= 0, '0 or more')
@@ -142,6 +145,21 @@ class PPOLagrangianConfig:
             raise ConfigurationError(
                 f'learner setting {name} is {getattr(self, name)!r}; allowed is {allowed}'
             )
+
+
+AFTER_CLONING: Mapping[str, Any] = {
+    'multiplier_init': 4.0,
+    'multiplier_rate': 0.02,
+    'critic_updates': 3,
+    'minibatch': 4096,
+    'log_std_init': -1.2,
+    'log_std_end': -2.0,
+}
+"""Other defaults for a policy that was cloned from demonstrations before it is trained.
+
+It drives well from the start, so there is little to explore, and a price of the cost that begins
+near its final value keeps it from learning to be careless first.
+"""
 
 
 def learner_settings(values: Mapping[str, Any]) -> PPOLagrangianConfig:

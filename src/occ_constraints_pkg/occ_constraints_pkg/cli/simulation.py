@@ -85,6 +85,13 @@ def _learner(_context: Any, _parameter: Any, texts: tuple[str, ...]) -> dict[str
     show_default=True,
     help='Robots simulated at once.',
 )
+@click.option(
+    '--demonstrations',
+    multiple=True,
+    metavar='BAG',
+    type=click.Path(),
+    help='Begin with a policy cloned from the actions in this recording; may be repeated.',
+)
 @seed_option()
 @click.option(
     '--seeds',
@@ -117,6 +124,7 @@ def train(
     cost_limit: float | str,
     steps: int,
     robots: int,
+    demonstrations: tuple[str, ...],
     seed: int,
     seeds: range | None,
     resume: bool,
@@ -132,30 +140,49 @@ def train(
 
     \b
     Example: occ train PointGoal1 --cost constraints.yaml --steps 1000000 -o runs/mine
+             occ train PointGoal1 --cost rules.yaml --demonstrations bags/drives -o runs/mine
     """
     check_world(world)
     run = import_needed('occ train', 'occ_constraints_pkg.agents.run')
     import_needed('occ train', 'occ_constraints_pkg.agents.ppo_lagrangian')
     settings = run.RunSettings(
-        world, cost, cost_limit, steps, robots, seed, device, processes, learner
+        *(world, cost, cost_limit, steps, robots, seed, device, processes, learner),
+        cloned=bool(demonstrations),
     )
     # Refused before anything is written, and not by each of the seeds.
     limit = run.check(settings)
     if seeds is None:
-        _train_one(run, settings, Path(output), resume, as_json)
+        _train_one(run, settings, Path(output), resume, demonstrations, as_json)
     else:
-        _train_several(settings, seeds, Path(output), resume, limit, as_json)
+        _train_several(settings, seeds, Path(output), resume, demonstrations, limit, as_json)
     if stop_request.made:
         # All is saved; reported and ended as any other stopped command.
         raise KeyboardInterrupt
 
 
-def _train_one(run: Any, settings: Any, output: Path, resume: bool, as_json: bool) -> None:
+def _train_one(
+    run: Any,
+    settings: Any,
+    output: Path,
+    resume: bool,
+    demonstrations: tuple[str, ...],
+    as_json: bool,
+) -> None:
+    def demonstrated() -> tuple[Any, Any]:
+        from occ_constraints_pkg.datasets.driven import read_driven
+        from occ_constraints_pkg.worlds.registry import world_class
+
+        kind = world_class(settings.world)
+        names = [[column.name for column in each] for each in (kind.columns, kind.action_columns)]
+        driven = read_driven(demonstrations, *names, kind.name)
+        return driven.observations, driven.actions
+
     with stop_request.listening(), progress_bar('training', detail=True) as progress:
         result = run.run(
             settings,
             output,
             resume=resume,
+            demonstrated=demonstrated if demonstrations else None,
             progress=lambda metrics: progress(
                 metrics.steps,
                 settings.steps,
@@ -176,13 +203,21 @@ def _train_one(run: Any, settings: Any, output: Path, resume: bool, as_json: boo
 
 
 def _train_several(
-    settings: Any, seeds: range, output: Path, resume: bool, limit: float, as_json: bool
+    settings: Any,
+    seeds: range,
+    output: Path,
+    resume: bool,
+    demonstrations: tuple[str, ...],
+    limit: float,
+    as_json: bool,
 ) -> None:
     from occ_constraints_pkg.agents.seeds import seeds_summary, train_seeds
 
     arguments = [settings.world, '--cost', settings.cost, '--cost-limit', str(settings.cost_limit)]
     arguments += ['--steps', str(settings.steps), '--robots', str(settings.robots)]
     arguments += ['--device', settings.device, *(['--resume'] if resume else [])]
+    for path in demonstrations:
+        arguments += ['--demonstrations', path]
     for name, value in settings.learner.items():
         arguments += ['--set', f'{name}={json.dumps(value)}']
     with progress_bar(f'{len(seeds)} seeds', detail=True) as progress:

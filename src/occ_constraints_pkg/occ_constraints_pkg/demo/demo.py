@@ -27,7 +27,7 @@ from occ_constraints_pkg.worlds.registry import make_world
 WORLD = 'PointGoal1'
 _DEMONSTRATORS, _DEMONSTRATIONS_EACH = 10, 5
 _WATCHED_ROBOTS = 10
-_TRAINED_ROBOTS = 128
+_TRAINED_ROBOTS = 256
 _TEST_EPISODES = 64
 _MARKER = '.occ_demo'
 # Cost per episode that the published results on this task allow.
@@ -68,7 +68,7 @@ def run_demo(output: Path, *, train_seconds: float = 120.0) -> int:
             f'the constrained_learner node trains for {train_seconds:g} s on the costs of the '
             'monitor',
         )
-        _train(rules, training, train_seconds, output / 'logs' / '3_train', domain)
+        _train(bag, rules, training, train_seconds, output / 'logs' / '3_train', domain)
     scores = _compare(training / 'policy.npz', constraints)
     _print_scores(scores)
 
@@ -146,7 +146,7 @@ def _learn_and_watch(bag: Path, rules: Path, logs: Path, domain: int) -> dict[st
     }
 
 
-def _train(rules: Path, output: Path, seconds: float, logs: Path, domain: int) -> None:
+def _train(bag: Path, rules: Path, output: Path, seconds: float, logs: Path, domain: int) -> None:
     nodes = {
         'monitor': {'constraints_file': rules},
         'constrained_learner': {
@@ -154,7 +154,7 @@ def _train(rules: Path, output: Path, seconds: float, logs: Path, domain: int) -
             'seconds': seconds,
             'cost_limit': _COST_LIMIT,
             'total_steps': 1_000_000_000,
-            'rollout_steps': 32,
+            'demonstrations': [bag],
         },
         'sim': {'world': WORLD, 'num_robots': _TRAINED_ROBOTS, 'wait_for_subscribers': 2},
     }

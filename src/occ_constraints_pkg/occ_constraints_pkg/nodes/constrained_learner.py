@@ -7,13 +7,19 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from sensor_msgs.msg import PointCloud2
 
 from occ_constraints_pkg.agents.ppo_lagrangian import PPOLagrangian, torch_device
-from occ_constraints_pkg.agents.settings import PPOLagrangianConfig
+from occ_constraints_pkg.agents.settings import (
+    AFTER_CLONING,
+    PPOLagrangianConfig,
+    learner_settings,
+)
 from occ_constraints_pkg.agents.training import TrainingDirectory
+from occ_constraints_pkg.datasets.driven import read_driven
 from occ_constraints_pkg.features.serialized_tables import TableMessage
 from occ_constraints_pkg.features.table import Table
 from occ_constraints_pkg.nodes.lockstep import (
@@ -50,8 +56,15 @@ class ConstrainedLearner(OccNode):
         limit = 'wall time from the first step after which it ends; 0: no limit'
         self._seconds = self.parameter('seconds', 0.0, limit, low=0.0) or math.inf
         self._seed = self.parameter('seed', 0, 'seed of weights and exploration', low=0)
+        self._demonstrations = self.parameter(
+            'demonstrations',
+            [],
+            'bags with observations and actions from which a new policy is cloned first; none: '
+            'begin with a random policy',
+        )
         defaults = PPOLagrangianConfig()
-        self._config = PPOLagrangianConfig(
+        self._config = replace(
+            learner_settings(AFTER_CLONING if self._demonstrations else {}),
             cost_limit=self.parameter(
                 'cost_limit', defaults.cost_limit, 'mean cost per episode to stay under', low=0.0
             ),
@@ -188,9 +201,21 @@ class ConstrainedLearner(OccNode):
             if earlier:
                 self.get_logger().info(f'an earlier training is now in {earlier}')
             self.get_logger().info(f'training on {world}')
+            if self._demonstrations:
+                self._clone(learner, kind)
         self._learner = learner
         self._began = time.monotonic()
         return learner
+
+    def _clone(self, learner: PPOLagrangian, kind: type[World]) -> None:
+        driven = read_driven(
+            self._demonstrations, learner.columns, learner.action_columns, kind.name
+        )
+        error = learner.clone(driven.observations, driven.actions)
+        self.get_logger().info(
+            f'the policy is cloned from {len(driven.actions)} demonstrated actions, mean squared '
+            f'error {error:.3f}'
+        )
 
     def _interrupt(self, learner: PPOLagrangian, *, is_start: bool) -> None:
         """Begin with a state that is not the successor of the one answered last."""

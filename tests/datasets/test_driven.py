@@ -51,7 +51,11 @@ def test_columns_are_chosen_by_name():
 @pytest.mark.parametrize(
     ('columns', 'world', 'words'),
     [
-        (COLUMNS, 'CarGoal1', "in the world 'PointGoal1'; allowed are demonstrations in 'CarGoal1'"),
+        (
+            COLUMNS,
+            'CarGoal1',
+            "in the world 'PointGoal1'; allowed are demonstrations in 'CarGoal1'",
+        ),
         (['nothing'], 'PointGoal1', "lacks the column 'nothing'; there are "),
     ],
 )

@@ -103,4 +103,5 @@ def is_noise(column: np.ndarray, goes_on: np.ndarray) -> bool:
     """
     is_high = column > np.median(column)
     joined = goes_on[:-1]
-    return joined.any() and np.mean((is_high[1:] == is_high[:-1])[joined]) < _LEAST_MEMORY
+    agreeing = (is_high[1:] == is_high[:-1])[joined]
+    return len(agreeing) > 0 and float(np.mean(agreeing)) < _LEAST_MEMORY

@@ -109,4 +109,4 @@ def test_the_duration_counts_from_the_first_message(nodes, observer):
     assert (steady.now() - first).nanoseconds > 0.9e9
     assert recorder.join() == 0
     assert 'ending, 1 s after the first message' in recorder.log.read_text()
-    assert texts(bag)[0] == 'late'
+    assert Recording(bag).topics['/late'].count > 0

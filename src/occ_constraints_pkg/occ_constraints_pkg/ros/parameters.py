@@ -17,6 +17,7 @@ from rclpy.parameter import Parameter
 
 from occ_constraints_pkg.documents import did_you_mean, read_text
 from occ_constraints_pkg.errors import ConfigurationError
+from occ_constraints_pkg.ros.parameter_files import names_of_sections
 from occ_constraints_pkg.ros.rclpy_internals import parameter_overrides
 
 # Parameters, true or false, that every node has from rclpy.
@@ -282,7 +283,7 @@ def _check_unknown(
         return
     ours = set(_of_command_line(argv))
     for path in _params_files(argv):
-        ours |= set(_of_sections(yaml.safe_load(read_text(path)), node))
+        ours |= set(names_of_sections(yaml.safe_load(read_text(path)), node))
     for name in ignored:
         hint, allowed = _similar(name, declared)
         if name in ours:
@@ -305,33 +306,6 @@ def _of_command_line(argv: Sequence[str]) -> Iterator[str]:
         if flag in ('-p', '--param'):
             # NAME:=VALUE or NODE:NAME:=VALUE; those for other nodes are not among the ignored.
             yield value.partition(':=')[0].rpartition(':')[2]
-
-
-def _of_sections(content: Any, node: str, key: str = '') -> Iterator[str]:
-    """Yield the names of parameters in the sections of a file that name ``node``."""
-    if not isinstance(content, dict):
-        return
-    for part, value in content.items():
-        if part != 'ros__parameters':
-            yield from _of_sections(value, node, f'{key}/{part}')
-        elif _names(key, node):
-            yield from _flat(value, '')
-
-
-def _names(key: str, node: str) -> bool:
-    """Return whether the key of a section means a node, and no other one of its namespace."""
-    parts = [part for part in key.split('/') if part]
-    patterns = {'**': '(/[^/]+)*', '*': '/[^/]+'}
-    pattern = ''.join(patterns.get(part, f'/{re.escape(part)}') for part in parts)
-    return bool(parts) and parts[-1] not in patterns and bool(re.fullmatch(pattern, node))
-
-
-def _flat(content: Any, prefix: str) -> Iterator[str]:
-    if not isinstance(content, dict):
-        yield prefix
-        return
-    for part, value in content.items():
-        yield from _flat(value, f'{prefix}.{part}' if prefix else str(part))
 
 
 def _similar(name: str, declared: Sequence[str]) -> tuple[str, str]:

@@ -16,10 +16,10 @@ KINDS = ('goal', 'hazards', 'vases')
 @pytest.fixture
 def heard(observer):
     """Return by topic what the observer hears, each by its stamp."""
+    from geometry_msgs.msg import TransformStamped
     from nav_msgs.msg import Odometry
     from occ_constraints_pkg.ros.messages import to_nanoseconds
     from occ_constraints_pkg.ros.qos import STEPS
-    from geometry_msgs.msg import TransformStamped
     from sensor_msgs.msg import Imu, LaserScan, PointCloud2
     from visualization_msgs.msg import MarkerArray
 

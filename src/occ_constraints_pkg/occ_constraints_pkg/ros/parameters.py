@@ -28,21 +28,24 @@ _POLICIES = {
     'history': ('keep_last', 'keep_all', 'system_default'),
     'reliability': ('reliable', 'best_effort', 'system_default', 'best_available'),
     'depth': (),
+    'durability': ('volatile', 'transient_local', 'system_default', 'best_available'),
+    'liveliness': ('automatic', 'manual_by_topic', 'system_default', 'best_available'),
+    'deadline': (),
+    'liveliness_lease_duration': (),
+}
+# Of each policy that is a number, its least and largest value, and its unit; 0 ns means none.
+_NUMBERS = {
+    'depth': (1, 2**31 - 1, ''),
+    'deadline': (0, 2**63 - 1, ' of ns'),
+    'liveliness_lease_duration': (0, 2**63 - 1, ' of ns'),
 }
 # The overrides that a subscription of a node may ask for.
-_OF_SUBSCRIPTION = re.compile(rf'{re.escape(_QOS_PREFIX)}.+\.subscription\.({"|".join(_POLICIES)})')
+_OF_SUBSCRIPTION = re.compile(
+    rf'{re.escape(_QOS_PREFIX)}.+\.subscription\.(history|depth|reliability)'
+)
 _QOS = re.compile(r'qos_overrides\.(?P<topic>.+)\.(?P<end>[^.]+)\.(?P<policy>[^.]+)')
 # Those that ROS has besides: no misspellings.
-_OTHER_POLICIES = (
-    'avoid_ros_namespace_conventions',
-    'deadline',
-    'durability',
-    'lifespan',
-    'liveliness',
-    'liveliness_lease_duration',
-)
-_MOST_DEPTH = 2**31 - 1
-
+_OTHER_POLICIES = ('avoid_ros_namespace_conventions', 'lifespan')
 
 # So large a number of seconds is still finite in ns.
 _LARGEST = 1e290
@@ -250,10 +253,12 @@ def _check_qos_overrides(overrides: Iterable[Parameter]) -> None:
                 raise ConfigurationError(
                     f'parameter {item.name!r}: got {value!r}; allowed are {", ".join(allowed)}'
                 )
-        elif isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= _MOST_DEPTH:
+            continue
+        low, high, unit = _NUMBERS[match['policy']]
+        if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
             raise ConfigurationError(
-                f'parameter {item.name!r}: got {value!r}; allowed is a whole number from 1 up to '
-                f'{_MOST_DEPTH}'
+                f'parameter {item.name!r}: got {value!r}; allowed is a whole number{unit} from '
+                f'{low} up to {high}'
             )
 
 
@@ -316,10 +321,13 @@ def _similar(name: str, declared: Sequence[str]) -> tuple[str, str]:
         return did_you_mean(name, (*known, *_ROS_SWITCHES)), ', '.join(known)
     if not qos:
         return '', 'none of quality of service'
-    policies = ', '.join(_POLICIES)
     match = _QOS.fullmatch(name)
-    if match is not None and match['policy'] not in _POLICIES:
-        is_misspelled = match['policy'] not in _OTHER_POLICIES
+    own = [item for item in qos if match and item.startswith(name[: match.start('policy')])]
+    policies = ', '.join(
+        policy for policy in _POLICIES if any(item.endswith(f'.{policy}') for item in own or qos)
+    )
+    if match is not None and (own or match['policy'] not in _POLICIES):
+        is_misspelled = match['policy'] not in (*_POLICIES, *_OTHER_POLICIES)
         hint = did_you_mean(match['policy'], _POLICIES) if is_misspelled else ''
         return hint, f'the policies {policies}'
     ends = sorted({item.rpartition('.')[0] for item in qos})

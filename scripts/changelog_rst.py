@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Write src/occ_constraints_pkg/CHANGELOG.rst, which bloom wants (REP 132), from CHANGELOG.md.
 
-Usage: python scripts/changelog_rst.py. Released versions only: what is not released yet changes with
-every commit, and is told by CHANGELOG.md alone.
+Usage: python scripts/changelog_rst.py. Released versions only: what is not released yet changes
+with every commit, and is told by CHANGELOG.md alone.
 """
 
 from __future__ import annotations

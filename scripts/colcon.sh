@@ -60,8 +60,9 @@ colcon test --event-handlers console_direct- --return-code-on-test-failure || {
 }
 results=$(colcon test-result --all)
 say "$results"
-[[ $results =~ ([0-9]+)\ tests ]] && ((BASH_REMATCH[1] > 100)) \
-  || fail "colcon test ran fewer than 100 tests."
+if ! [[ $results =~ ([0-9]+)\ tests ]] || ((BASH_REMATCH[1] <= 100)); then
+  fail "colcon test ran no more than 100 tests."
+fi
 
 # NumPy and rclpy come from .venv, the package from the install tree.
 export PATH="$root/.venv/bin:$PATH"

@@ -17,6 +17,7 @@ BENCHMARKS = {
     'watch': 'The live view of five robots beside a bare listener.',
     'record': 'What a killed recorder of 200 topics loses; takes 5 minutes.',
     'gate': 'The gate under random stops, kills and restarts.',
+    'soak': 'A day of messages through monitor and gate: memory, latency, losses; 15 minutes.',
     'bags': 'Features of a bag beside its messages deserialized by rosbags.',
     'triage': 'Triage of 200 recordings, ten of them bad; takes 3 minutes.',
     'report': 'The page of fifty recordings of an hour each, in a browser.',

@@ -60,6 +60,8 @@ setup(
         'zstandard>=0.21',
     ],
     extras_require={
+        # colcon runs pytest for a package that asks for it here.
+        'test': ['pytest'],
         'ros': ['ros-jazzy-rclpy[fastrtps]>=7.1.4', 'ros-jazzy-common-interfaces', 'pyyaml>=6.0'],
         'train': ['torch>=2.3', 'mujoco>=3.3', 'gymnasium>=1.1', 'highway-env>=1.12'],
         'report': ['matplotlib>=3.8', 'jinja2>=3.1', 'textual>=1.0'],

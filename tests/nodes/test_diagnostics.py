@@ -16,6 +16,8 @@ pytest.importorskip('rclpy', reason="needs the extra 'ros'")
 
 from occ_constraints_pkg.nodes.monitor.diagnostics import (
     read_verdict,
+    report_message,
+    sensor_status,
     unknown_message,
     violation_message,
 )
@@ -73,3 +75,17 @@ def test_unknown_is_read_as_unknown():
     message = unknown_message('no input', None, 7)
     assert read_verdict(message)[0] is Verdict.UNKNOWN
     assert message.status[0].message == 'UNKNOWN: no input'
+
+
+@pytest.mark.parametrize(
+    ('name', 'hardware'),
+    [('monitor', 'robot 0'), ('robot1/monitor', 'robot1/robot 0'), ('a/b/gate', 'a/b/robot 0')],
+)
+def test_diagnostics_tell_robots_and_dead_publishers_apart(name, hardware):
+    message = report_message(f'{name}: judging', Verdict.UNKNOWN, 'no new /scan: late', {}, 7)
+    (judging,) = message.status
+    # An aggregator takes STALE for the level of a publisher that is dead.
+    assert judging.level == b'\x02'
+    assert judging.hardware_id == hardware
+    assert sensor_status(f'{name}: sensors', []).hardware_id == hardware
+    assert report_message(f'{name}: judging', Verdict.SAFE, '', {}, 7).status[0].level == b'\x00'

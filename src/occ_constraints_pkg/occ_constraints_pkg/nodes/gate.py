@@ -127,11 +127,17 @@ class Gate(OccNode):
         self._commanded = self._ticked = now
         self._frame = ''
         self._output = self.create_publisher(
-            self._command_type, 'cmd_vel', COMMANDS, qos_overriding_options=overridable()
+            self._command_type,
+            'cmd_vel',
+            COMMANDS,
+            qos_overriding_options=overridable(with_promises=True),
         )
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self._state_publisher = self.create_publisher(
-            DiagnosticArray, '~/state', LATCHED, qos_overriding_options=overridable()
+            DiagnosticArray,
+            '~/state',
+            LATCHED,
+            qos_overriding_options=overridable(with_promises=True),
         )
         self._sources = [_VerdictTopic(self, topic, settings) for topic in topics or ['violation']]
         self.create_subscription(

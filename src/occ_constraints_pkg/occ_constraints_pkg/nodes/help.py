@@ -12,7 +12,7 @@ from contextlib import redirect_stdout
 _TOPICS = {
     'sim': {
         'subscribes': 'action (or cmd_vel)',
-        'publishes': 'observation, odom, imu, scan/..., scene, /clock',
+        'publishes': 'observation, odom, imu, scan/..., scene, /tf or transform, /clock',
     },
     'policy': {'subscribes': 'observation, costs', 'publishes': 'action'},
     'recorder': {'subscribes': 'the topics that it records'},

@@ -28,6 +28,8 @@ _INSPECT_SECONDS = 0.1
 _INSPECT_SHARE_SECONDS = 0.04
 # A topic that was asked for and that nobody publishes by then may be misspelled.
 _PATIENCE_SECONDS = 5.0
+# What every node publishes from its start: no sign that there is something to record.
+_OF_ROS = ('/rosout', '/parameter_events')
 
 
 @dataclass
@@ -55,6 +57,9 @@ class Recorder(OccNode):
         max_seconds = self.parameter(
             'max_bag_duration', 0.0, 'seconds after which a new file is begun; 0: never', low=0.0
         )
+        self._seconds = self.parameter(
+            'duration', 0.0, 'seconds from the first message after which it ends; 0: never', low=0.0
+        )
         self.declared()
         if not output:
             raise ConfigurationError(
@@ -71,6 +76,7 @@ class Recorder(OccNode):
         # The first look-up takes half a second, in which messages would pile up.
         find_definition('std_msgs/msg/Empty')
         self._inspecting: Iterator[None] | None = None
+        self._has_begun = False
         self.steady_timer(_INSPECT_SECONDS, self._inspect_topics)
         self.steady_timer(FLUSH_SECONDS, self._writer.flush)
         self._patience_timer = self.steady_timer(_PATIENCE_SECONDS, self._report_missing)
@@ -139,6 +145,8 @@ class Recorder(OccNode):
         find_definition(known.msgtype)
 
         def write(data: bytes, info: Mapping[str, int]) -> None:
+            if not self._has_begun and topic not in _OF_ROS:
+                self._begin_duration()
             self._writer.write(
                 topic, known.msgtype, data, self._arrival_ns(info), qos=known.offered
             )
@@ -155,6 +163,16 @@ class Recorder(OccNode):
                 f'topic {topic} is not recorded: it has type {known.msgtype!r}; allowed is the '
                 'type that this node itself publishes there'
             )
+
+    def _begin_duration(self) -> None:
+        """End in time, counted from the first message: starts take longer on some machines."""
+        self._has_begun = True
+        if self._seconds:
+            self.steady_timer(self._seconds, self._end_in_time)
+
+    def _end_in_time(self) -> None:
+        self.get_logger().info(f'ending, {self._seconds:g} s after the first message')
+        self.finish()
 
     def _arrival_ns(self, info: Mapping[str, int]) -> int:
         """Return when a message arrived, which may be long before it is its turn to be written.

@@ -31,6 +31,8 @@ _LEVELS = {
     Verdict.VIOLATED: DiagnosticStatus.ERROR,
     Verdict.UNKNOWN: DiagnosticStatus.STALE,
 }
+# On `/diagnostics`, STALE is what aggregators say of a publisher that is dead.
+_REPORTED_LEVELS = {**_LEVELS, Verdict.UNKNOWN: DiagnosticStatus.ERROR}
 
 
 def violation_message(
@@ -93,7 +95,7 @@ def report_message(
         stamp_ns: now.
     """
     text = f'{state.name}: {problem}' if problem else state.name
-    message = DiagnosticArray(status=[status(name, _LEVELS[state], text, values)])
+    message = DiagnosticArray(status=[status(name, _REPORTED_LEVELS[state], text, values)])
     message.header.stamp = to_time(stamp_ns)
     return message
 
@@ -149,12 +151,16 @@ def violated_rule_ids(message: DiagnosticArray) -> list[str]:
 def status(
     name: str, level: bytes, text: str, values: dict[str, object] | None = None, robot: int = 0
 ) -> DiagnosticStatus:
-    """Build one status; values become strings."""
+    """Build one status; values become strings.
+
+    The name of a node in a namespace, such as ``robot1/monitor``, tells the hardware as well.
+    """
+    namespace = name.partition(':')[0].rpartition('/')[0]
     return DiagnosticStatus(
         name=name,
         level=level,
         message=text,
-        hardware_id=f'robot {robot}',
+        hardware_id=f'{namespace}/robot {robot}' if namespace else f'robot {robot}',
         values=[KeyValue(key=key, value=_text(value)) for key, value in (values or {}).items()],
     )
 

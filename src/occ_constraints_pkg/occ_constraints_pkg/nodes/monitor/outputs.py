@@ -68,7 +68,10 @@ class Outputs:
     def __init__(self, node: OccNode) -> None:
         def publisher(message_type: Any, topic: str) -> Publisher:
             return node.create_publisher(
-                message_type, topic, VERDICTS, qos_overriding_options=overridable()
+                message_type,
+                topic,
+                VERDICTS,
+                qos_overriding_options=overridable(with_promises=True),
             )
 
         self._log = StateLog(node)

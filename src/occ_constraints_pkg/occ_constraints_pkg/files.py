@@ -204,7 +204,7 @@ def replacing(path: str | Path, kind: Kind, *, durable: bool = True) -> Iterator
             os.fsync(descriptor)
         os.replace(draft, target)
         if durable:
-            _sync_directory(target.parent)
+            sync_directory(target.parent)
     except OSError as error:
         raise OccError(f'cannot write {path}: {_reason(error)}') from error
     finally:
@@ -349,8 +349,8 @@ def _take_after(descriptor: int, target: Path) -> None:
     os.fchmod(descriptor, stat.S_IMODE(old.st_mode))
 
 
-def _sync_directory(directory: Path) -> None:
-    """Sync a renaming to disk."""
+def sync_directory(directory: Path) -> None:
+    """Sync the names in a directory to disk, as after a renaming."""
     descriptor = os.open(directory, os.O_RDONLY | os.O_CLOEXEC)
     try:
         os.fsync(descriptor)

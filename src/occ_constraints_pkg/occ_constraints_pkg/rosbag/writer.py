@@ -177,6 +177,14 @@ class BagWriter:
         except OSError as error:
             self._fail(error)
 
+    def set_custom_data(self, custom_data: Mapping[str, str]) -> None:
+        """Replace what metadata.yaml says under ``custom_data``, from its next writing on.
+
+        It ends up in the storage files too, of which each has a record with what metadata.yaml
+        says of it; so call it before the first file is full.
+        """
+        self._custom_data = dict(custom_data) or None
+
     def flush(self) -> None:
         """Hand all messages so far to the operating system.
 

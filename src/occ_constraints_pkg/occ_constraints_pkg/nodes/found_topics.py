@@ -5,8 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
 
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
@@ -20,6 +19,7 @@ from occ_constraints_pkg.ros.qos import no_events
 from occ_constraints_pkg.ros.rclpy_internals import RCLError
 from occ_constraints_pkg.rosbag.definitions import find_definition
 from occ_constraints_pkg.rosbag.qos import from_profile
+from occ_constraints_pkg.rosbag.ring import LiveTopic
 
 INSPECT_SECONDS = 0.1
 """How often to call :meth:`FoundTopics.inspect`."""
@@ -28,19 +28,13 @@ _INSPECT_SHARE_SECONDS = 0.04
 
 
 @dataclass(eq=False)
-class FoundTopic:
+class FoundTopic(LiveTopic):
     """A topic that somebody publishes.
 
     Attributes:
-        name: in full.
-        msgtype: for example ``nav_msgs/msg/Odometry``.
-        offered: quality of service of each publisher, spelled as in rosbag2 metadata.
         subscription: ours; None as long as there can be none.
     """
 
-    name: str
-    msgtype: str
-    offered: list[dict[str, Any]] = field(default_factory=list)
     subscription: Subscription | None = None
 
 

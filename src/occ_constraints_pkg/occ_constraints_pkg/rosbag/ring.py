@@ -21,23 +21,26 @@ _LATCHED_SHARE = 0.1
 
 
 @dataclass(eq=False)
-class RingTopic:
+class LiveTopic:
     """A topic whose messages are kept.
 
     Attributes:
         name: in full.
         msgtype: for example ``nav_msgs/msg/Odometry``.
         offered: quality of service of each publisher, spelled as in rosbag2 metadata 9.
-        is_latched: whether its last messages are kept for ever.
     """
 
     name: str
     msgtype: str
     offered: list[dict[str, Any]] = field(default_factory=list)
-    is_latched: bool = False
+
+    @property
+    def is_latched(self) -> bool:
+        """Whether a publisher keeps its last messages for those that come late."""
+        return any(profile.get('durability') == 'transient_local' for profile in self.offered)
 
 
-Message = tuple[RingTopic, int, int, bytes]
+Message = tuple[LiveTopic, int, int, bytes]
 """A message: its topic, log time and publish time in ns, and its bytes in CDR.
 
 Tuples, and not objects with names, for there are thousands of them in a second.
@@ -89,7 +92,7 @@ class Ring:
         self.complete_since = -math.inf
         self._seconds, self._max_bytes = seconds, max_bytes
         self._batches: deque[Batch] = deque()
-        self._latched: dict[RingTopic, deque[Message]] = {}
+        self._latched: dict[LiveTopic, deque[Message]] = {}
         self._latched_size = 0
 
     def __iter__(self) -> Iterator[Batch]:

@@ -119,6 +119,11 @@ class BagWriter:
         """Number of messages written."""
         return sum(file.span.count for file in self._files)
 
+    @property
+    def size(self) -> int:
+        """Bytes in the files so far."""
+        return sum(file.size for file in self._files)
+
     def write(
         self,
         topic: str,

@@ -15,7 +15,7 @@ from pathlib import Path
 from occ_constraints_pkg.documents import read_text
 from occ_constraints_pkg.errors import DataError, OccError
 from occ_constraints_pkg.files import DirectoryLock, make_directory, sync_directory
-from occ_constraints_pkg.rosbag.writer import BagWriter
+from occ_constraints_pkg.rosbag.writer import BagWriter, check_compression
 
 CUSTOM_KEY = 'occ_constraints_events'
 """Key under ``custom_data`` of metadata.yaml that tells the recording of an event."""
@@ -107,10 +107,12 @@ class EventBags:
         compression: ``zstd``, ``lz4`` or ``none``.
 
     Raises:
-        OccError: the directory cannot be made or read, or another recorder uses it.
+        OccError: the directory cannot be made or read, or another recorder uses it; or there
+            is no such compression.
     """
 
     def __init__(self, directory: str | Path, quota: int = 0, compression: str = 'zstd') -> None:
+        check_compression(compression)
         self.directory = make_directory(directory).resolve()
         self._hidden = make_directory(self.directory / _UNFINISHED)
         self._lock = DirectoryLock(self._hidden)

@@ -75,11 +75,7 @@ class BagWriter:
         max_file_seconds: float = 0.0,
         custom_data: Mapping[str, str] | None = None,
     ) -> None:
-        if compression not in COMPRESSIONS:
-            raise DataError(
-                f'a recording got the compression {compression!r}; '
-                f'allowed are {", ".join(COMPRESSIONS)}'
-            )
+        check_compression(compression)
         self.directory = Path(directory)
         self._compression = compression
         self._max_bytes, self._max_ns = max_file_bytes, round(max_file_seconds * 1e9)
@@ -319,6 +315,18 @@ class BagWriter:
                 raise
         self._described, self._topics_described = time.monotonic(), len(self._topics)
         self._describing = self._described - begin
+
+
+def check_compression(name: str) -> None:
+    """Refuse what is no compression of chunks.
+
+    Raises:
+        OccError: there is none of this name.
+    """
+    if name not in COMPRESSIONS:
+        raise DataError(
+            f'a recording got the compression {name!r}; allowed are {", ".join(COMPRESSIONS)}'
+        )
 
 
 def _overwrite(path: Path, data: bytes) -> bool:

@@ -25,6 +25,8 @@ _UNFINISHED = '.unfinished'
 # The number comes first: a clock that was wrong gives no wrong order.
 _NAME = re.compile(r'event_(\d{6,})_\S*')
 _MOST_LABEL = 60
+# The index of each chunk has a record for each topic: with small ones they take half the time.
+_CHUNK_BYTES = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -151,7 +153,10 @@ class EventBags:
         folder = self._hidden / path.name
         try:
             writer = BagWriter(
-                folder, compression=self._compression, custom_data={CUSTOM_KEY: custom}
+                folder,
+                compression=self._compression,
+                chunk_bytes=_CHUNK_BYTES,
+                custom_data={CUSTOM_KEY: custom},
             )
         except OccError:
             shutil.rmtree(folder, ignore_errors=True)

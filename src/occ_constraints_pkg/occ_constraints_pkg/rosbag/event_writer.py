@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import threading
 import time
@@ -23,6 +24,7 @@ from occ_constraints_pkg.rosbag.ring import Batch, Message
 _LOOK_SECONDS = 0.5
 # A robot whose disk is full has other trouble than a recording that ends early.
 _LEAVE_FREE_BYTES = 64 << 20
+_NICE = 10
 
 
 @dataclass(frozen=True)
@@ -110,6 +112,8 @@ class EventBagWriter:
         self._thread.join()
 
     def _run(self) -> None:
+        # On Linux each thread has its own. Whoever watches over the robot goes first.
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICE)
         while (order := self._orders.get()) is not None:
             order()
         if self._draft is not None:

@@ -15,7 +15,7 @@ from typing import Any
 
 from occ_constraints_pkg.errors import DataError
 from occ_constraints_pkg.rosbag.definitions import find_definition
-from occ_constraints_pkg.rosbag.mcap_writer import COMPRESSIONS, McapOutput, Span
+from occ_constraints_pkg.rosbag.mcap_writer import CHUNK_BYTES, COMPRESSIONS, McapOutput, Span
 from occ_constraints_pkg.rosbag.metadata import dump_plain
 
 FLUSH_SECONDS = 0.25
@@ -40,7 +40,7 @@ class BagWriter:
 
     The directory holds ``<directory name>_0.mcap``, further files numbered on where the recording
     is split, and ``metadata.yaml``. What has reached the operating system survives a SIGKILL of
-    this process: everything up to the last :meth:`flush`, and every full chunk of 256 KiB.
+    this process: everything up to the last :meth:`flush`, and every full chunk.
     :meth:`write` flushes by itself when the last flush is 0.25 s past; so at most the messages of
     the last 0.25 s are lost, or, when messages stop coming, those of the 0.25 s before the pause:
     a recorder that wants these safe too calls :meth:`flush` from a timer. A power failure may cost
@@ -59,6 +59,8 @@ class BagWriter:
         max_file_bytes: a file that has grown to this size is followed by another; 0: never. As
             messages reach the file chunk by chunk, it may be larger by one chunk.
         max_file_seconds: the same for the time from a file's first message on, by log time.
+        chunk_bytes: about how many bytes of messages are compressed together; where a killed
+            recorder may lose more, larger chunks take less time.
         custom_data: what ``metadata.yaml`` says under that key, where rosbag2 has room for a
             recording's own words; None for nothing.
 
@@ -73,11 +75,12 @@ class BagWriter:
         compression: str = 'zstd',
         max_file_bytes: int = 0,
         max_file_seconds: float = 0.0,
+        chunk_bytes: int = CHUNK_BYTES,
         custom_data: Mapping[str, str] | None = None,
     ) -> None:
         check_compression(compression)
         self.directory = Path(directory)
-        self._compression = compression
+        self._compression, self._chunk_bytes = compression, chunk_bytes
         self._max_bytes, self._max_ns = max_file_bytes, round(max_file_seconds * 1e9)
         self._custom_data = dict(custom_data) if custom_data else None
         self._topics: dict[str, _Topic] = {}
@@ -223,7 +226,7 @@ class BagWriter:
 
     def _begin_file(self) -> None:
         name = f'{self.directory.resolve().name}_{len(self._files)}.mcap'
-        self._files.append(McapOutput(self.directory / name, self._compression))
+        self._files.append(McapOutput(self.directory / name, self._compression, self._chunk_bytes))
         self._files[-1].start()
         self._write_metadata()
 

@@ -59,7 +59,7 @@ class Settings:
     max_bytes: int = 256 << 20
     directory: str = ''
     quota: int = 0
-    compression: str = 'zstd'
+    compression: str = 'lz4'
 
     @classmethod
     def declare(cls, node: OccNode) -> Settings:

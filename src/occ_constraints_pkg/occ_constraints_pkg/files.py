@@ -293,7 +293,7 @@ class DirectoryLock:
             descriptor = os.open(directory, os.O_RDONLY)
         except OSError as error:
             raise OccError(f'cannot write to {directory}: {error.strerror}') from error
-        weakref.finalize(self, os.close, descriptor)
+        self._close = weakref.finalize(self, os.close, descriptor)
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -304,6 +304,10 @@ class DirectoryLock:
         except OSError:
             # Some network file systems have no locks.
             return
+
+    def release(self) -> None:
+        """Unlock it before the object ends."""
+        self._close()
 
 
 def set_aside(directory: Path) -> Path:

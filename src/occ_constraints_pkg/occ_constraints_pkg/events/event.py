@@ -131,10 +131,15 @@ class Event:
                 f'{where} has schema {version}; allowed is {SCHEMA} at most: update occ_constraints'
             )
         validate(document, _schema(), where)
+        return cls.from_plain(document), document['phase']
+
+    @classmethod
+    def from_plain(cls, document: dict[str, Any]) -> Event:
+        """Return the event of a document that this program has written; it is not checked."""
         stamps = document.get('stamps')
         if stamps is not None:
             stamps = Stamps(*(stamps[name] for name in ('began', 'worst', 'last')))
-        event = cls(
+        return cls(
             id=document['id'],
             kind=document['kind'],
             robot=document['robot'],
@@ -152,7 +157,6 @@ class Event:
             cause=document.get('cause'),
             stamps=stamps,
         )
-        return event, document['phase']
 
     @classmethod
     def from_json(cls, text: str, where: str = _WHERE) -> tuple[Event, str]:

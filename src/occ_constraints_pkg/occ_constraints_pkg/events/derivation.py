@@ -124,6 +124,17 @@ class VerdictEvents:
         self._row = self._position = self._step = 0
         self._head = _Head(0, 0)
 
+    @property
+    def newest(self) -> Sample | None:
+        """The newest verdict on an input; None before the first."""
+        return self._last
+
+    @property
+    def is_unjudged(self) -> bool:
+        """Whether the newest verdict is that no input can be judged."""
+        event = self._open.get(('unjudged', ''))
+        return event is not None and event.is_unbroken
+
     def add(self, sample: Sample) -> list[Change]:
         """Take one verdict; return what is to be told of it."""
         if not sample.is_answer:

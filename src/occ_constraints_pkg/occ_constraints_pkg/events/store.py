@@ -56,6 +56,12 @@ ON CONFLICT (id) DO UPDATE SET
 _INTERRUPTED = 'interrupted: the recorder ended before the event did'
 
 
+def default_directory(namespace: str = '') -> Path:
+    """Return where the store of a robot's recorder is by default; without a name, all of them."""
+    home = os.environ.get('ROS_HOME') or Path.home() / '.ros'
+    return Path(home) / 'occ_events' / namespace.strip('/')
+
+
 class StoreFullError(OccError):
     """All events that a full store holds are pinned or go on."""
 

@@ -59,6 +59,7 @@ ARROWS = {
         'datasets',
         'demonstrations',
         'doctor',
+        'events',
         'features',
         'learning',
         'nodes',

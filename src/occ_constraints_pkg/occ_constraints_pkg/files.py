@@ -104,6 +104,9 @@ RESULTS = _kind('a file of results (JSON)', rb'\A\s*[{\[]')
 COUNTS = _kind('a file of rule counters', rb'\A\s*\{\s*"format":\s*"occ_constraints counts')
 ARCHIVE = _kind('a saved policy or training', rb'\APK\x03\x04')
 TABLE = _kind('a page of text (Markdown)', rb'\A#\s|^\|[ :|-]*-{3}', head=1 << 16)
+EVENTS = _kind(
+    'a file of events (JSON or CSV)', rb'\A\{\s*"events":|\Anumber,id,kind,', '.json', '.csv'
+)
 # Not every page: one of another program, or written by a person, would be lost. The second name
 # is that of the demo's first pages.
 PAGE = _kind(

@@ -402,7 +402,9 @@ class EventReader:
         except sqlite3.Error as error:
             raise _told(error, self.path) from error
         if len(rows) > 1:
-            raise DataError(f'{len(rows)} events of {self.path} begin with {name!r}; allowed is one')
+            raise DataError(
+                f'{len(rows)} events of {self.path} begin with {name!r}; allowed is one'
+            )
         return rows[0] if rows else None
 
     def close(self) -> None:
@@ -418,9 +420,12 @@ def pin_event(path: str | Path, number: int, *, pinned: bool) -> bool:
     """
     EventReader(path).close()
     try:
-        with closing(
-            sqlite3.connect(f'{_uri(Path(path))}?mode=rw', uri=True, timeout=_BUSY_SECONDS)
-        ) as connection, connection:
+        with (
+            closing(
+                sqlite3.connect(f'{_uri(Path(path))}?mode=rw', uri=True, timeout=_BUSY_SECONDS)
+            ) as connection,
+            connection,
+        ):
             return _pin(connection, number, pinned)
     except sqlite3.Error as error:
         raise OccError(f'cannot write {path}: {error}') from error
@@ -472,9 +477,7 @@ def _check(connection: sqlite3.Connection, path: Path) -> None:
         )
 
 
-def _select(
-    connection: sqlite3.Connection, wanted: Filter, newest: int | None
-) -> Iterator[Stored]:
+def _select(connection: sqlite3.Connection, wanted: Filter, newest: int | None) -> Iterator[Stored]:
     condition, values = wanted.condition()
     return _select_where(connection, condition, values, newest)
 

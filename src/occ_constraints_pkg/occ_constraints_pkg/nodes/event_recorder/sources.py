@@ -33,9 +33,7 @@ _LOST_NS = 1_500_000_000
 # A message that waited longer than this came before the clock was set.
 _MOST_WAIT_NS = 60_000_000_000
 # Several monitors may publish their latched rules on one topic.
-_RULES = QoSProfile(
-    depth=10, reliability=LATCHED.reliability, durability=LATCHED.durability
-)
+_RULES = QoSProfile(depth=10, reliability=LATCHED.reliability, durability=LATCHED.durability)
 
 
 @dataclass(frozen=True)
@@ -95,9 +93,7 @@ class VerdictSource:
         )
         for folder in dict.fromkeys(('', f'{beside}/' if beside else '')):
             node.create_subscription(String, f'{folder}rules', self._on_rules, _RULES)
-            node.create_subscription(
-                PointCloud2, f'{folder}features', self._on_features, VERDICTS
-            )
+            node.create_subscription(PointCloud2, f'{folder}features', self._on_features, VERDICTS)
 
     @property
     def problem(self) -> str:
@@ -105,7 +101,9 @@ class VerdictSource:
         if Moment.now().steady - self._heard.steady <= self._lost_ns:
             return ''
         since = 'for' if self._has_begun else 'since the start, for'
-        return f'no verdict {since} {self._lost_ns / 1e9:g} s on {self.topic}: is a monitor running?'
+        return (
+            f'no verdict {since} {self._lost_ns / 1e9:g} s on {self.topic}: is a monitor running?'
+        )
 
     def tick(self, now: Moment) -> list[Change]:
         """See what is over, and whether verdicts still come."""

@@ -231,7 +231,9 @@ def _robot_statuses(
             },
         }
         told = rule.words(rule_set.space, sample)
-        statuses.append(status(f'{RULE_NAME}{rule.id}', DiagnosticStatus.ERROR, told, details, name))
+        statuses.append(
+            status(f'{RULE_NAME}{rule.id}', DiagnosticStatus.ERROR, told, details, name)
+        )
     return statuses
 
 

@@ -190,9 +190,7 @@ class Outputs:
             stamp_ns: now.
         """
         robot = self._hardware_id
-        message = report_message(
-            f'{self._name}: judging', state, problem, values, stamp_ns, robot
-        )
+        message = report_message(f'{self._name}: judging', state, problem, values, stamp_ns, robot)
         message.status.append(sensor_status(f'{self._name}: sensors', doubts, robot))
         self._diagnostics.publish(message)
         self._log.log_doubts(doubts)

@@ -104,6 +104,9 @@ RESULTS = _kind('a file of results (JSON)', rb'\A\s*[{\[]')
 COUNTS = _kind('a file of rule counters', rb'\A\s*\{\s*"format":\s*"occ_constraints counts')
 ARCHIVE = _kind('a saved policy or training', rb'\APK\x03\x04')
 TABLE = _kind('a page of text (Markdown)', rb'\A#\s|^\|[ :|-]*-{3}', head=1 << 16)
+EVENTS = _kind(
+    'a file of events (JSON or CSV)', rb'\A\{\s*"events":|\Anumber,id,kind,', '.json', '.csv'
+)
 # Not every page: one of another program, or written by a person, would be lost. The second name
 # is that of the demo's first pages.
 PAGE = _kind(
@@ -293,7 +296,7 @@ class DirectoryLock:
             descriptor = os.open(directory, os.O_RDONLY)
         except OSError as error:
             raise OccError(f'cannot write to {directory}: {error.strerror}') from error
-        weakref.finalize(self, os.close, descriptor)
+        self._close = weakref.finalize(self, os.close, descriptor)
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -304,6 +307,10 @@ class DirectoryLock:
         except OSError:
             # Some network file systems have no locks.
             return
+
+    def release(self) -> None:
+        """Unlock it before the object ends."""
+        self._close()
 
 
 def set_aside(directory: Path) -> Path:

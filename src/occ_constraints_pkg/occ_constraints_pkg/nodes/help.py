@@ -33,6 +33,10 @@ _TOPICS = {
         'those of a lifecycle node',
     },
     'gate': {'subscribes': 'cmd_vel_in, violation', 'publishes': 'cmd_vel, ~/state, /diagnostics'},
+    'event_recorder': {
+        'subscribes': 'violation, rules, features, gate/state',
+        'publishes': 'events, /diagnostics',
+    },
     'constrained_learner': {
         'subscribes': 'observation, costs, action',
         'publishes': 'action, training',

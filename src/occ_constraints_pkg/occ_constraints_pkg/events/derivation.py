@@ -163,13 +163,12 @@ class VerdictEvents:
             elif key not in present:
                 event.is_unbroken = False
         for key, rule in present.items():
-            event = self._open.get(key)
-            if event is None:
-                event = self._open[key] = _Open(self._robot, key[0], sample, rule)
-                changes += event.told('began')
+            if key in self._open:
+                changes += self._open[key].add(sample, rule)
             else:
-                changes += event.add(sample, rule)
-            event.row, event.is_unbroken = self._row, True
+                self._open[key] = _Open(self._robot, key[0], sample, rule)
+                changes += self._open[key].told('began')
+            self._open[key].row, self._open[key].is_unbroken = self._row, True
         return changes
 
     def tick(self, steady: int) -> list[Change]:

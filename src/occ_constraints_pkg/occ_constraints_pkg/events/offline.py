@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -61,7 +62,7 @@ def events_of_rows(
                     rules=tuple(violated_rules(rule_set, sample)) if is_violated else (),
                     reason=problem,
                     rule_set=rule_set.fingerprint,
-                    nearest=lambda sample=sample: nearest_rule(rule_set, sample),
+                    nearest=partial(nearest_rule, rule_set, sample),
                 )
             )
         if len(rows):

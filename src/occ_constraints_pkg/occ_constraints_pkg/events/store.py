@@ -194,7 +194,7 @@ class EventStore:
             OSError: see :meth:`keep`.
         """
         with self._transaction():
-            named = []
+            named: list[Stored] = []
             for item in ids:
                 self._connection.execute('UPDATE events SET bag = ? WHERE id = ?', (bag, item))
                 named += _select_where(self._connection, 'id = :id', {'id': item})

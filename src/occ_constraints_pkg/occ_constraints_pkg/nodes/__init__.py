@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""The executables, one module each, monitor and event_recorder a package: between topics and the library.
+"""The executables, one module or package each: between topics and the library.
 
 Beside them is what several of them share: ``lockstep`` and ``robot_sensors`` of the simulation,
 ``bag_topics`` of recorder and player, ``help`` of all.

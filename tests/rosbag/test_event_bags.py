@@ -11,7 +11,7 @@ import time
 import pytest
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.rosbag import event_writer
-from occ_constraints_pkg.rosbag.event_bags import CUSTOM_KEY, EventBags, event_bags, pin
+from occ_constraints_pkg.rosbag.event_bags import CUSTOM_KEY, EventBags, event_bags, event_document
 from occ_constraints_pkg.rosbag.event_writer import EventBagWriter
 from occ_constraints_pkg.rosbag.recording import Recording
 from occ_constraints_pkg.rosbag.ring import Batch, LiveTopic
@@ -39,7 +39,7 @@ def write(bags, count=20, label='violation_R1', size=8, when=NOW):
     writer.begin(path, {'complete': False}, [])
     for first in range(0, count, 10):
         writer.put(batch(first, size=size))
-    writer.end({'complete': True, 'reason': ''})
+    writer.end({'complete': True, 'reason': '', 'events': [{'id': 'a1'}, {'id': 'a2'}]})
     writer.close()
     (outcome,) = writer.outcomes
     return outcome
@@ -70,7 +70,7 @@ def test_a_recording_has_its_messages_and_says_what_of(tmp_path):
     ]
     assert recording.topics['/rules'].offered_qos[0]['durability'] == 'transient_local'
     expected = {'complete': True, 'events': [{'id': 'é"\n'}], 'messages': 11}
-    assert custom(path) == outcome.document == expected
+    assert custom(path) == event_document(path) == outcome.document == expected
     # The storage file alone tells it too.
     assert b'serialized_metadata' in (path / f'{path.name}_0.mcap').read_bytes()
     assert CUSTOM_KEY.encode() in (path / f'{path.name}_0.mcap').read_bytes()
@@ -94,17 +94,16 @@ def test_the_oldest_go_first_and_the_pinned_stay_whatever_the_clock_said(tmp_pat
     paths = [first.path]
     for number in range(4):
         bags = EventBags(tmp_path, quota)
+        bags.pinned = {str(first.path)}
         outcome = write(bags, size=4000, when=NOW - number * 10**18)
         assert int(outcome.path.name.split('_')[1]) == number + 2
         paths.append(outcome.path)
-        if number == 0:
-            pin(first.path)
         del bags
     left = [bag.path for bag in event_bags(tmp_path)]
     assert left == [paths[0], *paths[-2:]]
     assert sum(bag.size for bag in event_bags(tmp_path)) <= quota
-    pin(first.path, pinned=False)
-    write(EventBags(tmp_path, quota), size=4000)
+    outcome = write(EventBags(tmp_path, quota), size=4000)
+    assert [(one.path, one.events) for one in outcome.removed] == [(first.path, ('a1', 'a2'))]
     assert first.path not in [bag.path for bag in event_bags(tmp_path)]
     assert all(Recording(bag.path).message_count == 20 for bag in event_bags(tmp_path))
 
@@ -127,9 +126,9 @@ def test_nothing_else_is_ever_removed(tmp_path):
 def test_a_quota_that_pinned_recordings_use_up_ends_the_next_one_early(tmp_path, monkeypatch):
     monkeypatch.setattr(event_writer, '_LOOK_SECONDS', 0.0)
     pinned = write(EventBags(tmp_path), size=4000).path
-    pin(pinned)
     quota = event_bags(tmp_path)[0].size + 60_000
     bags = EventBags(tmp_path, quota, compression='none')
+    bags.pinned = {str(pinned)}
     # The writer hands its messages over in chunks of 256 KiB.
     outcome = write(bags, count=400, size=4000)
     assert 'pinned' in outcome.problem
@@ -212,8 +211,7 @@ def test_two_recorders_in_one_directory_and_what_is_no_directory(tmp_path):
     (tmp_path / 'file').touch()
     with pytest.raises(OccError, match='file'):
         EventBags(tmp_path / 'file')
-    with pytest.raises(OccError, match='no recording of an event'):
-        pin(tmp_path)
+    assert event_document(tmp_path) == {}
     with pytest.raises(OccError, match='compression'):
         EventBags(tmp_path / 'zip', compression='zip')
     assert not (tmp_path / 'zip').exists()

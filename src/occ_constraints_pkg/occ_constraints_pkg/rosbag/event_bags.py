@@ -4,25 +4,28 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
+from collections.abc import Set
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
-from occ_constraints_pkg.documents import read_text
-from occ_constraints_pkg.errors import DataError, OccError
+from occ_constraints_pkg.documents import parse_yaml, read_text
+from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.files import DirectoryLock, make_directory, sync_directory
 from occ_constraints_pkg.rosbag.writer import BagWriter, check_compression
 
 CUSTOM_KEY = 'occ_constraints_events'
 """Key under ``custom_data`` of metadata.yaml that tells the recording of an event."""
 
-_PIN = 'pinned'
 _UNFINISHED = '.unfinished'
 # The number comes first: a clock that was wrong gives no wrong order.
+_DOCUMENT = re.compile(rf'^ +{CUSTOM_KEY}: (".*")$', re.MULTILINE)
 _NAME = re.compile(r'event_(\d{6,})_\S*')
 _MOST_LABEL = 60
 # The index of each chunk has a record for each topic: with small ones they take half the time.
@@ -43,10 +46,18 @@ class EventBag:
     number: int
     size: int
 
-    @property
-    def is_pinned(self) -> bool:
-        """Whether it stays when the quota is used up."""
-        return (self.path / _PIN).exists()
+
+@dataclass(frozen=True)
+class RemovedBag:
+    """A recording that had to go.
+
+    Attributes:
+        path: its directory.
+        events: ids of its events.
+    """
+
+    path: Path
+    events: tuple[str, ...]
 
 
 class Draft:
@@ -96,10 +107,11 @@ class EventBags:
     same way, renamed first. A directory belongs to one recorder at a time.
 
     Nothing is ever removed but what a recorder has written: by its name and by what its
-    ``metadata.yaml`` says. A recording with a file ``pinned`` beside its messages stays.
+    ``metadata.yaml`` says.
 
     Attributes:
         directory: where they are.
+        pinned: paths of recordings that stay; to be set by whoever knows.
         interrupted: recordings that a recorder began and did not finish, before this one started:
             below ``.unfinished``; the quota removes them first.
 
@@ -118,6 +130,7 @@ class EventBags:
         self.directory = make_directory(directory).resolve()
         self._hidden = make_directory(self.directory / _UNFINISHED)
         self._lock = DirectoryLock(self._hidden)
+        self.pinned: Set[str] = frozenset()
         self._quota, self._compression = quota, compression
         self._bags = event_bags(self.directory)
         try:
@@ -167,7 +180,7 @@ class EventBags:
         """Count a finished recording in."""
         self._bags.append(bag)
 
-    def make_room(self, needed: int) -> tuple[list[Path], bool]:
+    def make_room(self, needed: int) -> tuple[list[RemovedBag], bool]:
         """Remove the oldest recordings that are not pinned until others have room.
 
         Args:
@@ -180,19 +193,23 @@ class EventBags:
             return [], True
         # Somebody may have removed or moved one.
         self._bags = [bag for bag in self._bags if bag.path.is_dir()]
-        removed: list[Path] = []
+        removed: list[RemovedBag] = []
         kept = []
         used = needed + sum(bag.size for bag in self._bags)
         used += sum(_size_of(path) for path in self.interrupted)
         while self.interrupted and used > self._quota:
             path = self.interrupted.pop(0)
             used -= _size_of(path)
+            removed.append(RemovedBag(path, _ids_of(path)))
             shutil.rmtree(path, ignore_errors=True)
-            removed.append(path)
         for bag in self._bags:
-            if used > self._quota and not bag.is_pinned and self._remove(bag):
+            if used <= self._quota or str(bag.path) in self.pinned:
+                kept.append(bag)
+                continue
+            ids = _ids_of(bag.path)
+            if self._remove(bag):
                 used -= bag.size
-                removed.append(bag.path)
+                removed.append(RemovedBag(bag.path, ids))
             else:
                 kept.append(bag)
         self._bags = kept
@@ -222,22 +239,24 @@ def event_bags(directory: Path) -> list[EventBag]:
     return sorted((bag for bag in found if bag is not None), key=lambda bag: bag.number)
 
 
-def pin(bag: str | Path, *, pinned: bool = True) -> None:
-    """Let a recording of an event stay when the quota is used up, or no longer.
+def event_document(bag: Path) -> dict[str, Any]:
+    """Return what the recording of an event says of itself; empty where there is no such thing.
 
-    Raises:
-        OccError: it is no recording of an event, or cannot be written to.
+    It is what :meth:`.EventBagWriter.end` wrote; some of the keys are ``events``, ``complete`` and
+    ``reason``.
     """
-    path = Path(bag).resolve()
-    if _bag_at(path) is None:
-        raise DataError(f'{bag} is no recording of an event; allowed is one of an event_recorder')
     try:
-        if pinned:
-            (path / _PIN).touch()
-        else:
-            (path / _PIN).unlink(missing_ok=True)
-    except OSError as error:
-        raise OccError(f'cannot write to {bag}: {error.strerror}') from error
+        # One line of a long file, of which the rest takes a general parser half a second.
+        line = _DOCUMENT.search(read_text(bag / 'metadata.yaml'))
+        document = json.loads(parse_yaml(line[1], 'it')) if line else {}
+    except (OccError, ValueError, TypeError, RecursionError):
+        return {}
+    return document if isinstance(document, dict) else {}
+
+
+def _ids_of(bag: Path) -> tuple[str, ...]:
+    events = event_document(bag).get('events', ())
+    return tuple(str(event.get('id')) for event in events if isinstance(event, dict))
 
 
 def _match(path: Path) -> re.Match[str] | None:
@@ -249,7 +268,7 @@ def _bag_at(path: Path) -> EventBag | None:
     if match is None or path.is_symlink() or not path.is_dir():
         return None
     try:
-        if f'{CUSTOM_KEY}:' not in read_text(path / 'metadata.yaml'):
+        if not _DOCUMENT.search(read_text(path / 'metadata.yaml')):
             return None
     except OccError:
         return None

@@ -17,7 +17,7 @@ from queue import SimpleQueue
 from typing import Any
 
 from occ_constraints_pkg.errors import OccError
-from occ_constraints_pkg.rosbag.event_bags import CUSTOM_KEY, Draft, EventBags
+from occ_constraints_pkg.rosbag.event_bags import CUSTOM_KEY, Draft, EventBags, RemovedBag
 from occ_constraints_pkg.rosbag.ring import Batch, Message
 
 # How often the quota and the room on the disk are looked at.
@@ -44,7 +44,7 @@ class Outcome:
     document: Mapping[str, Any]
     problem: str = ''
     is_kept: bool = True
-    removed: tuple[Path, ...] = ()
+    removed: tuple[RemovedBag, ...] = ()
     seconds: float = 0.0
 
 
@@ -70,7 +70,7 @@ class EventBagWriter:
         self._draft: Draft | None = None
         self._path = Path()
         self._problem = ''
-        self._removed: list[Path] = []
+        self._removed: list[RemovedBag] = []
         self._count = 0
         self._looked = 0.0
         self._thread = threading.Thread(target=self._run, name='event bags', daemon=True)
@@ -185,7 +185,7 @@ class EventBagWriter:
                 bag.path,
                 content,
                 self._problem,
-                bag.path not in removed,
+                bag.path not in [one.path for one in removed],
                 (*self._removed, *removed),
                 time.monotonic() - ordered,
             )

@@ -13,12 +13,13 @@ import time
 from collections.abc import Callable
 from operator import itemgetter
 
+from rclpy.node import Node
+
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.nodes.found_topics import INSPECT_SECONDS, FoundTopic, FoundTopics
 from occ_constraints_pkg.ros.node import OccNode, refusal_of
 from occ_constraints_pkg.ros.rclpy_internals import RCLError, take
 from occ_constraints_pkg.rosbag.ring import Batch, Message
-from rclpy.node import Node
 
 LOOK_SECONDS = 0.02
 """How often the topics are looked at; of each, a thousand messages may wait."""

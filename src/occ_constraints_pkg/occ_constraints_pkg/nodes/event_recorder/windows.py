@@ -126,8 +126,7 @@ class EventWindows:
         """Record the seconds around an event, or go on recording.
 
         Args:
-            event: its document as on the topic ``events``, of any phase; one of the kind
-                ``trigger`` has no beginning but its end.
+            event: its document as on the topic ``events``, of any phase.
             now: the steady clock, in seconds.
             wall_ns: the time that the event's times are of, in ns.
 
@@ -136,7 +135,7 @@ class EventWindows:
         """
         with self._lock:
             window = self._window
-            if event['phase'] != 'began' and event['kind'] != 'trigger':
+            if event['phase'] != 'began':
                 if window is None or event['id'] not in window.events:
                     return None
             elif window is None or now > window.latest:

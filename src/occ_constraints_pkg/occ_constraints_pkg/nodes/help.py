@@ -34,8 +34,9 @@ _TOPICS = {
     },
     'gate': {'subscribes': 'cmd_vel_in, violation', 'publishes': 'cmd_vel, ~/state, /diagnostics'},
     'event_recorder': {
-        'subscribes': 'violation, rules, features, gate/state',
+        'subscribes': 'violation, rules, features, gate/state, and what it records',
         'publishes': 'events, /diagnostics',
+        'services': '~/trigger (std_srvs/Trigger)',
     },
     'constrained_learner': {
         'subscribes': 'observation, costs, action',

@@ -1,16 +1,17 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""The recording of the seconds around events, as a part of a node."""
+"""The recording of the seconds around events, as a part of the node ``event_recorder``."""
 
 from __future__ import annotations
 
+import os
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from occ_constraints_pkg.errors import ConfigurationError
+from occ_constraints_pkg.events.event import KINDS, Event
 from occ_constraints_pkg.nodes.bag_topics import topic_filter
 from occ_constraints_pkg.nodes.event_recorder.capture import Capture
 from occ_constraints_pkg.nodes.event_recorder.windows import EventWindows, Extent
@@ -22,7 +23,13 @@ from occ_constraints_pkg.wording import count_of
 
 # Whatever else is chosen: the verdicts, what they are about, and the rules in force.
 _ALWAYS = ('violation', 'events', 'rules', 'constraints')
-_OUTCOME_SECONDS = 0.1
+# Near misses are too many on a robot that drives close to its bounds, as it should.
+_USUAL_KINDS = [kind for kind in KINDS if kind != 'near_miss']
+_TICK_SECONDS = 0.1
+_PINS_SECONDS = 1.0
+
+NameBag = Callable[[Iterable[str], str | None], None]
+"""Is told the ids of events and the path of their recording, None when that is removed."""
 
 
 @dataclass(frozen=True)
@@ -30,14 +37,18 @@ class Settings:
     """What is kept, and where it goes.
 
     Attributes:
+        is_on: whether anything is recorded.
         topics: which are kept, by full name.
+        kinds: of the events that are recorded.
         extent: how much of them.
-        directory: where recordings go; empty: none are made.
+        directory: where recordings go; empty: beside the event store.
         quota: the most bytes that all of them may take on the disk; 0: no limit.
         compression: ``zstd``, ``lz4`` or ``none``.
     """
 
+    is_on: bool
     topics: TopicFilter
+    kinds: frozenset[str]
     extent: Extent
     directory: str
     quota: int
@@ -50,37 +61,61 @@ class Settings:
         Raises:
             OccError: one has a wrong value.
         """
-        topics = topic_filter(node, 'keep')
         usual = Extent()
-        extent = Extent(
-            node.parameter('before', usual.before, 'seconds recorded before an event', low=0.0),
-            node.parameter('after', usual.after, 'seconds recorded after its end', low=0.0),
-            node.parameter(
-                'longest',
-                usual.longest,
-                'seconds for which an event that goes on keeps a recording open, at the most',
-                low=0.0,
-            ),
-            node.parameter(
-                'max_bytes', usual.max_bytes, 'memory for the last seconds, bytes', low=1 << 20
-            ),
-        )
         settings = cls(
-            topics,
-            extent,
-            node.parameter('directory', '', 'where recordings go; empty: none are made'),
-            node.parameter('quota', 0, 'bytes of all recordings together; 0: no limit', low=0),
+            is_on=node.parameter('record', True, 'record the seconds around events to bags'),
+            topics=topic_filter(node, 'record'),
+            kinds=frozenset(
+                node.parameter('record_kinds', _USUAL_KINDS, 'events that are recorded')
+            ),
+            extent=Extent(
+                node.parameter('before', usual.before, 'seconds recorded before an event', low=0.0),
+                node.parameter('after', usual.after, 'seconds recorded after its end', low=0.0),
+                node.parameter(
+                    'longest',
+                    usual.longest,
+                    'seconds for which an event that goes on keeps its bag open, at the most',
+                    low=0.0,
+                ),
+                node.parameter(
+                    'max_bytes', usual.max_bytes, 'memory for the last seconds', low=1 << 20
+                ),
+            ),
+            directory=node.parameter(
+                'directory', '', 'where bags go; empty: bags/ in that of the event store'
+            ),
+            quota=node.parameter(
+                'quota', 8 << 30, 'bytes of all bags; beyond, the oldest go; 0: no limit', low=0
+            ),
             # Half the time of zstd, which the robot has other uses for.
-            node.parameter('compression', 'lz4', 'zstd, lz4 or none'),
+            compression=node.parameter('compression', 'lz4', 'zstd, lz4 or none'),
         )
-        if extent.longest < extent.after:
-            raise ConfigurationError(
-                f"parameter 'longest' of node {node.get_name()!r}: got {extent.longest:g}; allowed "
-                f"is {extent.after:g} (parameter 'after') or more"
-            )
+        settings.check(node.get_name())
+        topics = settings.topics
         if topics.names or topics.regex:
             topics = replace(topics, names=[*topics.names, *_ALWAYS])
         return replace(settings, topics=topics.with_names(node.full_name))
+
+    def check(self, name: str) -> None:
+        """Refuse values that contradict each other or mean nothing.
+
+        Args:
+            name: of the node.
+
+        Raises:
+            OccError: there are some.
+        """
+        unknown = sorted(self.kinds - set(KINDS))
+        if unknown:
+            raise ConfigurationError(
+                f"parameter 'record_kinds' of node {name!r}: got {unknown[0]!r}; allowed are "
+                f'{", ".join(KINDS)}'
+            )
+        if self.extent.longest < self.extent.after:
+            raise ConfigurationError(
+                f"parameter 'longest' of node {name!r}: got {self.extent.longest:g}; allowed is "
+                f"{self.extent.after:g} (parameter 'after') or more"
+            )
 
 
 class IncidentRecorder:
@@ -88,8 +123,10 @@ class IncidentRecorder:
 
     Args:
         node: an executor must spin it.
-        settings: with a directory.
-        on_bag: is called by the executor with what became of each recording.
+        settings: see there.
+        directory: where bags go if the settings do not say.
+        name_bag: is called by the executor.
+        pinned_bags: returns the paths of bags that must stay.
 
     Raises:
         OccError: the directory cannot be used.
@@ -99,53 +136,84 @@ class IncidentRecorder:
         self,
         node: OccNode,
         settings: Settings,
-        on_bag: Callable[[Outcome], None] = lambda outcome: None,
+        directory: Path,
+        name_bag: NameBag,
+        pinned_bags: Callable[[], set[str]],
     ) -> None:
-        self._log, self._on_bag = node.get_logger(), on_bag
-        bags = EventBags(settings.directory, settings.quota, settings.compression)
-        self._writer = EventBagWriter(bags)
+        self._log, self._settings = node.get_logger(), settings
+        self._name_bag, self._pinned_bags = name_bag, pinned_bags
+        self._bags = EventBags(
+            os.path.expanduser(settings.directory) or directory,
+            settings.quota,
+            settings.compression,
+        )
+        self._writer = EventBagWriter(self._bags)
         self._windows = EventWindows(
-            settings.extent, bags, self._writer, self._log.warning, time.monotonic()
+            settings.extent, self._bags, self._writer, self._log.warning, time.monotonic()
         )
         self._capture = Capture(node, settings.topics.allows, self._windows.add)
-        node.steady_timer(_OUTCOME_SECONDS, self._tell_outcomes)
-        if bags.interrupted:
-            self._log.warning(
-                f'{count_of(len(bags.interrupted), "recording")} of events ended when a recorder '
-                f'was killed; what there is of them is in {bags.interrupted[0].parent}'
-            )
-        self._log.info(
-            f'keeping the last {settings.extent.before:g} s of {settings.topics}, for recordings '
-            f'of events in {bags.directory}'
-        )
+        # Of the bags that are not finished: the ids of their events, and those to be told yet.
+        self._events: dict[Path, list[str]] = {}
+        self._untold: list[tuple[str, Path]] = []
+        node.steady_timer(_TICK_SECONDS, self._tick)
+        node.steady_timer(_PINS_SECONDS, self._look_at_pins)
 
     def begin(self) -> None:
         """Begin to keep messages."""
+        if self._bags.interrupted:
+            self._log.warning(
+                f'{count_of(len(self._bags.interrupted), "bag")} of events ended when a recorder '
+                f'was killed; what there is of them is in {self._bags.interrupted[0].parent}'
+            )
+        self._look_at_pins()
         self._capture.start()
+        self._log.info(
+            f'keeping the last {self._settings.extent.before:g} s of {self._settings.topics}, for '
+            f'bags of events in {self._bags.directory}'
+        )
 
-    def on_event(self, event: Mapping[str, Any]) -> Path | None:
-        """Record the seconds around an event: see :meth:`EventWindows.on_event`."""
-        return self._windows.on_event(event, time.monotonic(), time.time_ns())
+    def on_event(self, event: Event, phase: str) -> None:
+        """Record the seconds around an event, or go on recording."""
+        if event.kind not in self._settings.kinds:
+            return
+        path = self._windows.on_event(event.to_document(phase), time.monotonic(), time.time_ns())
+        if path is not None and phase == 'began':
+            self._events.setdefault(path, []).append(event.id)
+            self._untold.append((event.id, path))
+
+    def bag_of(self, event: str) -> Path | None:
+        """Return the bag that an event is in, by its id, while that is not finished."""
+        return next((path for path, ids in self._events.items() if event in ids), None)
 
     def close(self) -> None:
-        """End a recording that is under way, and see it to the disk."""
+        """End a bag that is under way, and see it to the disk."""
         self._capture.close()
         self._windows.end(time.monotonic(), 'the recorder was ended')
         self._writer.close()
-        self._tell_outcomes()
+        self._tick()
 
-    def _tell_outcomes(self) -> None:
+    def _look_at_pins(self) -> None:
+        self._bags.pinned = self._pinned_bags()
+
+    def _tick(self) -> None:
+        """Tell which bags events are in, and what became of bags."""
+        untold, self._untold = self._untold, []
+        for path in dict.fromkeys(path for _, path in untold):
+            self._name_bag([event for event, its in untold if its == path], str(path))
         while self._writer.outcomes:
-            outcome = self._writer.outcomes.popleft()
-            for path in outcome.removed:
-                self._log.info(f'{path} was removed to make room')
-            if not outcome.is_kept:
-                self._log.error(f'there is no recording {outcome.path}: {outcome.problem}')
-            else:
-                reason = outcome.document.get('reason')
-                count = len(outcome.document['events']) + outcome.document['other_events']
-                self._log.info(
-                    f'recorded {count_of(count, "event")} to {outcome.path}'
-                    + (f'; it ends early: {reason}' if reason else '')
-                )
-            self._on_bag(outcome)
+            self._tell(self._writer.outcomes.popleft())
+
+    def _tell(self, outcome: Outcome) -> None:
+        ids = self._events.pop(outcome.path, [])
+        if outcome.is_kept:
+            reason = outcome.document['reason']
+            self._log.info(
+                f'recorded {count_of(len(ids), "event")} to {outcome.path}'
+                + (f', which ends early: {reason}' if reason else '')
+            )
+        else:
+            self._log.error(f'there is no bag {outcome.path}: {outcome.problem}')
+            self._name_bag(ids, None)
+        for bag in outcome.removed:
+            self._log.info(f'{bag.path} was removed to make room')
+            self._name_bag(bag.events, None)

@@ -10,12 +10,15 @@ from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from std_msgs.msg import String
+from std_srvs.srv import Trigger
 
 from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.events.derivation import Change, Settings
 from occ_constraints_pkg.events.event import Event, new_id
 from occ_constraints_pkg.events.journal import Journal
 from occ_constraints_pkg.events.store import MAX_BYTES, EventStore, default_directory
+from occ_constraints_pkg.nodes.event_recorder.incidents import IncidentRecorder
+from occ_constraints_pkg.nodes.event_recorder.incidents import Settings as RecordingSettings
 from occ_constraints_pkg.nodes.event_recorder.sources import GateSource, Moment, VerdictSource
 from occ_constraints_pkg.nodes.monitor.diagnostics import hardware_id_of, status
 from occ_constraints_pkg.ros.node import OccNode
@@ -62,6 +65,7 @@ class EventRecorder(OccNode):
         near_margin = self.parameter(
             'near_margin', 0.02, 'margin under which SAFE is a near miss; 0: never', low=0.0
         )
+        recording = RecordingSettings.declare(self)
         self.declared()
         settings = Settings(bridge, timeout, near_margin)
         self._store = EventStore(
@@ -85,6 +89,17 @@ class EventRecorder(OccNode):
         self._sources += [
             GateSource(self, gate, self._take, self._recent) for gate in dict.fromkeys(gates)
         ]
+        self._incidents: IncidentRecorder | None = None
+        if recording.is_on:
+            self._incidents = IncidentRecorder(
+                self,
+                recording,
+                self.store_directory / 'bags',
+                self.name_bag,
+                self.pinned_bags,
+            )
+            self.add_listener(self._incidents.on_event)
+        self.create_service(Trigger, '~/trigger', self._on_trigger)
         self._logged_problem = ''
         self.steady_timer(_TICK_SECONDS, self._tick)
         self.steady_timer(_REPORT_SECONDS, self._report)
@@ -101,6 +116,8 @@ class EventRecorder(OccNode):
             log.warning(f'{count} went on when an earlier recorder ended; closed as interrupted')
             self._take([(event, 'ended') for event in self._store.interrupted])
         log.info(f'keeping events in {self._store.path}')
+        if self._incidents is not None:
+            self._incidents.begin()
 
     @property
     def store_directory(self) -> Path:
@@ -141,9 +158,18 @@ class EventRecorder(OccNode):
         now = Moment.now()
         for source in self._sources:
             self._take(source.close(now, 'the recorder was ended'))
+        if self._incidents is not None:
+            self._incidents.close()
         self._journal.tick(wall=now.wall, steady=now.steady + 10**10)
         self._store.close()
         self.flush(self._events)
+
+    def _on_trigger(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        event = self.trigger('')
+        bag = None if self._incidents is None else self._incidents.bag_of(event.id)
+        response.success = bag is not None
+        response.message = str(bag or 'the event is kept, but there are no bags of such events')
+        return response
 
     def _recent(self) -> list[Event]:
         return list(self._journal.recent.values())

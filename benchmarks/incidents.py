@@ -100,7 +100,9 @@ def run(seconds: float = 20.0) -> dict[str, Any]:
         recorder = start(
             'event_recorder',
             {
+                'store': folder / 'events',
                 'directory': bags,
+                'record_kinds': ['trigger'],
                 'before': _BEFORE,
                 'after': _AFTER,
                 'max_bytes': _MAX_BYTES,

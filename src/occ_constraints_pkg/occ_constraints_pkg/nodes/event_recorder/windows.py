@@ -19,8 +19,8 @@ SCHEMA = 1
 
 # An event is told of so much later than it began, at the most; what says more is of another clock.
 _LATE_SECONDS = 5.0
-# Beyond what the ring holds, the writer may fall behind by this share of it before a recording
-# ends early: memory may exceed its bound by a tenth.
+# This share of the memory is left to what the ring no longer holds and the writer has yet to write;
+# if it falls behind by more, the recording ends early.
 _BEHIND_SHARE = 0.05
 # More are counted but not described.
 _MOST_EVENTS = 200
@@ -100,7 +100,8 @@ class EventWindows:
         now: float,
     ) -> None:
         self._extent, self._bags, self._writer, self._warn = extent, bags, writer, warn
-        self._ring = Ring(extent.before + _LATE_SECONDS, extent.max_bytes)
+        self._behind_bytes = round(_BEHIND_SHARE * extent.max_bytes)
+        self._ring = Ring(extent.before + _LATE_SECONDS, extent.max_bytes - self._behind_bytes)
         self._ring.complete_since = self._started = now
         self._window: _Window | None = None
         self._lock = threading.Lock()
@@ -116,8 +117,7 @@ class EventWindows:
             if self._window is None:
                 return
             self._writer.put(batch)
-            most = self._ring.size + _BEHIND_SHARE * self._extent.max_bytes
-            if self._writer.backlog > most:
+            if self._writer.backlog > self._ring.size + self._behind_bytes:
                 self._end(batch.time, 'the disk was too slow')
             elif batch.time >= self._window.end:
                 self._end(batch.time)

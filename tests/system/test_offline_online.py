@@ -98,7 +98,9 @@ class LockStep:
                 event, _ = Event.from_json(message.data)
                 newest[event.id] = event
             self.told.clear()
-            is_silent = [item for item in newest.values() if item.reason.startswith('no verdict')]
+            is_silent = [
+                item for item in newest.values() if item.reason.startswith('no verdict for')
+            ]
             return is_silent and all(
                 item.ended is not None for item in newest.values() if item not in is_silent
             )

@@ -97,7 +97,8 @@ def bounds_of(rule_set: RuleSet, rule: str) -> tuple[dict[str, Any], ...]:
 
 def _rule_sample(rule_set: RuleSet, index: int, sample: np.ndarray, margin: float) -> RuleSample:
     rule, space = rule_set.rules[index], rule_set.space
-    features = rule.fired(sample) or rule.deciding(sample)
+    is_true = bool(rule.holds(sample[None])[0])
+    features = rule.fired(sample) if is_true else rule.deciding(sample)
     return RuleSample(
         rule.id,
         rule.words(space, sample),

@@ -26,7 +26,6 @@ MAX_BYTES = 256 << 20
 
 # 'occev' as a number, by which `file` and we know such a file from other databases.
 _APPLICATION = 0x6F636576
-_PHASE = 'ended'
 _BUSY_SECONDS = 5.0
 # So many events are removed at once, and so much of the size is left to others afterwards.
 _REMOVED_AT_ONCE, _FILLED = 500, 0.95
@@ -46,13 +45,13 @@ CREATE TABLE events (
 )
 """
 _INDEX = 'CREATE INDEX going_on ON events (number) WHERE ended IS NULL'
-_KEEP = """
-INSERT INTO events (id, kind, robot, rule, began, ended, heard, bag, document)
-VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)
-ON CONFLICT (id) DO UPDATE SET
-    rule = excluded.rule, ended = excluded.ended, heard = excluded.heard,
-    bag = coalesce(excluded.bag, bag), document = excluded.document
-"""
+_COLUMNS = 'kind, robot, rule, began, ended, heard, bag, document, id'
+_ADD = f'INSERT INTO events ({_COLUMNS}) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)'
+# Tried first: an insertion that meets the same id would use up a number.
+_CHANGE = (
+    'UPDATE events SET kind = ?, robot = ?, rule = ?, began = ?, ended = ?, heard = ?, '
+    'bag = coalesce(?, bag), document = ? WHERE id = ?'
+)
 _INTERRUPTED = 'interrupted: the recorder ended before the event did'
 
 
@@ -158,7 +157,6 @@ class EventStore:
         """
         rows = [
             (
-                event.id,
                 event.kind,
                 event.robot,
                 event.rule,
@@ -166,13 +164,16 @@ class EventStore:
                 event.ended,
                 now,
                 event.bag,
-                json.dumps(event.to_document(_PHASE), allow_nan=False),
+                event.to_json('ended'),
+                event.id,
             )
             for event in events
         ]
         with self._transaction():
             self._make_room()
-            self._connection.executemany(_KEEP, rows)
+            for row in rows:
+                if not self._connection.execute(_CHANGE, row).rowcount:
+                    self._connection.execute(_ADD, row)
 
     def pin(self, number: int, *, pinned: bool = True) -> bool:
         """Let an event stay when the store is full, or not; return whether there is such an event.

@@ -28,6 +28,8 @@ from occ_constraints_pkg.wording import count_of
 
 _TICK_SECONDS = 0.1
 _REPORT_SECONDS = 1.0
+# After a start, subscribers need so long to find this node.
+_SETTLE_SECONDS = 2.0
 _LEVELS = {'violation': DiagnosticStatus.ERROR, 'stop': DiagnosticStatus.ERROR}
 
 
@@ -114,10 +116,14 @@ class EventRecorder(OccNode):
         if self._store.interrupted:
             count = count_of(len(self._store.interrupted), 'event')
             log.warning(f'{count} went on when an earlier recorder ended; closed as interrupted')
-            self._take([(event, 'ended') for event in self._store.interrupted])
+            self._telling = self.steady_timer(_SETTLE_SECONDS, self._tell_interrupted)
         log.info(f'keeping events in {self._store.path}')
         if self._incidents is not None:
             self._incidents.begin()
+
+    def _tell_interrupted(self) -> None:
+        self._telling.cancel()
+        self._take([(event, 'ended') for event in self._store.interrupted])
 
     @property
     def store_directory(self) -> Path:

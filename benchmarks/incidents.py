@@ -102,7 +102,7 @@ def run(seconds: float = 20.0) -> dict[str, Any]:
             {
                 'store': folder / 'events',
                 'directory': bags,
-                'record_kinds': ['trigger'],
+                'exclude_kinds': ['violation', 'unknown', 'near_miss', 'stop'],
                 'before': _BEFORE,
                 'after': _AFTER,
                 'max_bytes': _MAX_BYTES,

@@ -23,8 +23,8 @@ from occ_constraints_pkg.wording import count_of
 
 # Whatever else is chosen: the verdicts, what they are about, and the rules in force.
 _ALWAYS = ('violation', 'events', 'rules', 'constraints')
-# Near misses are too many on a robot that drives close to its bounds, as it should.
-_USUAL_KINDS = [kind for kind in KINDS if kind != 'near_miss']
+# They are many on a robot that drives close to its bounds, as it may.
+_NOT_RECORDED = 'near_miss'
 _TICK_SECONDS = 0.1
 _PINS_SECONDS = 1.0
 
@@ -39,7 +39,7 @@ class Settings:
     Attributes:
         is_on: whether anything is recorded.
         topics: which are kept, by full name.
-        kinds: of the events that are recorded.
+        without: kinds of events that are not recorded.
         extent: how much of them.
         directory: where recordings go; empty: beside the event store.
         quota: the most bytes that all of them may take on the disk; 0: no limit.
@@ -48,7 +48,7 @@ class Settings:
 
     is_on: bool
     topics: TopicFilter
-    kinds: frozenset[str]
+    without: frozenset[str]
     extent: Extent
     directory: str
     quota: int
@@ -65,8 +65,8 @@ class Settings:
         settings = cls(
             is_on=node.parameter('record', True, 'record the seconds around events to bags'),
             topics=topic_filter(node, 'record'),
-            kinds=frozenset(
-                node.parameter('record_kinds', _USUAL_KINDS, 'events that are recorded')
+            without=frozenset(
+                node.parameter('exclude_kinds', [_NOT_RECORDED], 'kinds of events not to record')
             ),
             extent=Extent(
                 node.parameter('before', usual.before, 'seconds recorded before an event', low=0.0),
@@ -105,10 +105,10 @@ class Settings:
         Raises:
             OccError: there are some.
         """
-        unknown = sorted(self.kinds - set(KINDS))
+        unknown = sorted(self.without - set(KINDS))
         if unknown:
             raise ConfigurationError(
-                f"parameter 'record_kinds' of node {name!r}: got {unknown[0]!r}; allowed are "
+                f"parameter 'exclude_kinds' of node {name!r}: got {unknown[0]!r}; allowed are "
                 f'{", ".join(KINDS)}'
             )
         if self.extent.longest < self.extent.after:
@@ -174,7 +174,7 @@ class IncidentRecorder:
 
     def on_event(self, event: Event, phase: str) -> None:
         """Record the seconds around an event, or go on recording."""
-        if event.kind not in self._settings.kinds:
+        if event.kind in self._settings.without:
             return
         path = self._windows.on_event(event.to_document(phase), time.monotonic(), time.time_ns())
         if path is not None and phase == 'began':

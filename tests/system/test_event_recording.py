@@ -60,7 +60,7 @@ def recording(nodes, observer, rules_of):
         'event_recorder',
         store=nodes.folder / 'events',
         directory=bags,
-        record_kinds=['violation', 'trigger'],
+        exclude_kinds=['unknown', 'near_miss', 'stop'],
         before=1.0,
         after=0.5,
     )
@@ -132,7 +132,7 @@ def test_a_recorder_that_is_ended_keeps_what_there_is(recording, trigger, nodes)
 @pytest.mark.parametrize(
     ('parameters', 'expected'),
     [
-        ({'record_kinds': ['violations']}, "got 'violations'; allowed are violation, unknown"),
+        ({'exclude_kinds': ['violations']}, "got 'violations'; allowed are violation, unknown"),
         ({'longest': 1.0}, "'longest' of node 'event_recorder': got 1; allowed is 5"),
         ({'regex': '('}, 'allowed is a regular expression'),
         ({'compression': 'zip'}, 'allowed are zstd, lz4, none'),

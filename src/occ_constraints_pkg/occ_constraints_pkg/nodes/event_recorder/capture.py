@@ -23,6 +23,8 @@ from occ_constraints_pkg.rosbag.ring import Batch, Message
 
 LOOK_SECONDS = 0.02
 """How often the topics are looked at; of each, a thousand messages may wait."""
+# A simulation that is so many times faster than time has had its clock set.
+_FASTEST = 1000
 # No topic keeps the others waiting for ever.
 _MOST_AT_ONCE = 5000
 
@@ -100,7 +102,7 @@ class Capture:
         look = (time.time_ns(), self._node.ros_ns())
         if clock.ros_time_is_active:
             taken = [
-                ((topic, self._ros_time(arrived, look), 0, data), arrived)
+                ((topic, ros_time(arrived, self._last_look, look), 0, data), arrived)
                 for (topic, _, _, data), arrived in taken
             ]
         self._last_look = look
@@ -127,14 +129,22 @@ class Capture:
     def _leave(self, topic: FoundTopic) -> None:
         self._take(topic, self._left)
 
-    def _ros_time(self, arrived: int, look: tuple[int, int]) -> int:
-        """Return the time of ``/clock`` at which a message arrived, between the last two looks."""
-        (system_before, ros_before), (system, ros) = self._last_look, look
-        passed, ros_passed = system - system_before, ros - ros_before
-        if not 0 <= ros_passed < 10 * max(1, passed) or not system_before <= arrived <= system:
-            # The first look, or a clock was set.
-            return ros
-        return ros_before + ros_passed * (arrived - system_before) // max(1, passed)
+
+def ros_time(arrived: int, before: tuple[int, int], now: tuple[int, int]) -> int:
+    """Return the time of ``/clock`` at which a message arrived, between two looks at the clocks.
+
+    Args:
+        arrived: by the system's clock, ns.
+        before: the system's clock and that of ROS at the look before, ns.
+        now: both at this look.
+
+    Returns:
+        ns; the present time where one of the clocks was set.
+    """
+    passed, ros_passed = now[0] - before[0], now[1] - before[1]
+    if not before[0] <= arrived <= now[0] or not 0 <= ros_passed <= _FASTEST * passed:
+        return now[1]
+    return before[1] + ros_passed * (arrived - before[0]) // max(1, passed)
 
 
 def _nothing(*_: object) -> None:

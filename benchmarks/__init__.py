@@ -16,6 +16,7 @@ BENCHMARKS = {
     'monitor': 'The monitor beside a bare relay; takes 4 minutes.',
     'watch': 'The live view of five robots beside a bare listener.',
     'record': 'What a killed recorder of 200 topics loses; takes 5 minutes.',
+    'events': 'What an event store of 10^5 events loses by 50 kills; takes 3 minutes.',
     'gate': 'The gate under random stops, kills and restarts.',
     'bags': 'Features of a bag beside its messages deserialized by rosbags.',
     'triage': 'Triage of 200 recordings, ten of them bad; takes 3 minutes.',

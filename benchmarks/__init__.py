@@ -17,6 +17,7 @@ BENCHMARKS = {
     'watch': 'The live view of five robots beside a bare listener.',
     'record': 'What a killed recorder of 200 topics loses; takes 5 minutes.',
     'incidents': 'The event_recorder at 60 topics and 20 MB/s, and the monitor beside it.',
+    'events': 'What an event store of 10^5 events loses by 50 kills; takes 3 minutes.',
     'gate': 'The gate under random stops, kills and restarts.',
     'bags': 'Features of a bag beside its messages deserialized by rosbags.',
     'triage': 'Triage of 200 recordings, ten of them bad; takes 3 minutes.',

@@ -200,13 +200,13 @@ class EventBags:
         while self.interrupted and used > self._quota:
             path = self.interrupted.pop(0)
             used -= _size_of(path)
-            removed.append(RemovedBag(path, _ids_of(path)))
+            removed.append(RemovedBag(path, ids_of(path)))
             shutil.rmtree(path, ignore_errors=True)
         for bag in self._bags:
             if used <= self._quota or str(bag.path) in self.pinned:
                 kept.append(bag)
                 continue
-            ids = _ids_of(bag.path)
+            ids = ids_of(bag.path)
             if self._remove(bag):
                 used -= bag.size
                 removed.append(RemovedBag(bag.path, ids))
@@ -254,7 +254,8 @@ def event_document(bag: Path) -> dict[str, Any]:
     return document if isinstance(document, dict) else {}
 
 
-def _ids_of(bag: Path) -> tuple[str, ...]:
+def ids_of(bag: Path) -> tuple[str, ...]:
+    """Return the ids of the events in a recording, as far as it tells."""
     events = event_document(bag).get('events', ())
     return tuple(str(event.get('id')) for event in events if isinstance(event, dict))
 

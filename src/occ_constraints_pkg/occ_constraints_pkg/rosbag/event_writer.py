@@ -91,6 +91,14 @@ class EventBagWriter:
         """
         self._orders.put(lambda: self._begin(path, document, latched))
 
+    def describe(self, document: Mapping[str, Any]) -> None:
+        """Replace what the recording says of itself as long as it is unfinished.
+
+        Args:
+            document: as in :meth:`end`.
+        """
+        self._orders.put(lambda: self._describe(document))
+
     def put(self, batch: Batch) -> None:
         """Write a batch of messages."""
         self._taken += batch.size
@@ -129,6 +137,11 @@ class EventBagWriter:
         except (OccError, OSError) as error:
             self._fail(error)
 
+    def _describe(self, document: Mapping[str, Any]) -> None:
+        if self._draft is not None:
+            # It reaches the disk with the metadata, every few seconds.
+            self._draft.writer.set_custom_data({CUSTOM_KEY: json.dumps(document)})
+
     def _put(self, batch: Batch) -> None:
         try:
             self._look()
@@ -160,24 +173,25 @@ class EventBagWriter:
             self._problem = f'the disk has less than {_LEAVE_FREE_BYTES >> 20} MiB left'
 
     def _end(self, document: Mapping[str, Any], ordered: float) -> None:
-        draft, self._draft = self._draft, None
+        draft = self._draft
         if draft is None:
             return
         content = {**document, 'messages': self._count}
         if self._problem:
             content |= {'complete': False, 'reason': self._problem}
         if not self._count:
+            self._draft = None
             draft.discard()
             problem = self._problem or 'there was no message'
             self._tell(Outcome(draft.path, {}, problem, False, tuple(self._removed)))
             return
         try:
-            draft.writer.set_custom_data({CUSTOM_KEY: json.dumps(content)})
+            self._describe(content)
             bag = draft.finish()
         except (OccError, OSError) as error:
-            self._draft = draft
             self._fail(error)
             return
+        self._draft = None
         self._bags.add(bag)
         removed, _ = self._bags.make_room(0)
         self._tell(
@@ -196,7 +210,10 @@ class EventBagWriter:
         if draft is not None:
             # Half of it would be of less use than the room it takes.
             draft.discard()
-        self._tell(Outcome(self._path, {}, str(error), False, tuple(self._removed)))
+        # What the recorder of ordinary bags says ends with what it keeps, which is nothing here.
+        cause = error.__cause__ if isinstance(error.__cause__, OSError) else error
+        problem = f'it cannot be written: {getattr(cause, "strerror", None) or cause}'
+        self._tell(Outcome(self._path, {}, problem, False, tuple(self._removed)))
 
     def _tell(self, outcome: Outcome) -> None:
         self.outcomes.append(outcome)

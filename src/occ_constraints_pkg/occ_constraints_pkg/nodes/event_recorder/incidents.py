@@ -16,7 +16,7 @@ from occ_constraints_pkg.nodes.bag_topics import topic_filter
 from occ_constraints_pkg.nodes.event_recorder.capture import Capture
 from occ_constraints_pkg.nodes.event_recorder.windows import EventWindows, Extent
 from occ_constraints_pkg.ros.node import OccNode
-from occ_constraints_pkg.rosbag.event_bags import EventBags
+from occ_constraints_pkg.rosbag.event_bags import EventBags, ids_of
 from occ_constraints_pkg.rosbag.event_writer import EventBagWriter, Outcome
 from occ_constraints_pkg.rosbag.topic_filter import TopicFilter
 from occ_constraints_pkg.wording import count_of
@@ -160,6 +160,9 @@ class IncidentRecorder:
 
     def begin(self) -> None:
         """Begin to keep messages."""
+        for path in self._bags.interrupted:
+            # Their events name the place where they would be if they were whole.
+            self._name_bag(ids_of(path), str(path))
         if self._bags.interrupted:
             self._log.warning(
                 f'{count_of(len(self._bags.interrupted), "bag")} of events ended when a recorder '

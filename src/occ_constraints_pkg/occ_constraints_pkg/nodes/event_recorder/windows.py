@@ -187,10 +187,14 @@ class EventWindows:
 
     def _extend(self, window: _Window, event: Mapping[str, Any], now: float) -> None:
         key = event['id']
-        if key in window.events or len(window.events) < _MOST_EVENTS:
-            window.events[key] = dict(event)
-        else:
+        is_new = key not in window.events
+        if is_new and len(window.events) == _MOST_EVENTS:
             window.others += 1
+        else:
+            window.events[key] = dict(event)
+            if is_new and len(window.events) > 1:
+                # For whoever finds it unfinished.
+                self._writer.describe({**window.document, 'events': list(window.events.values())})
         if event['phase'] == 'ended' or key not in window.events:
             window.going_on.discard(key)
         else:

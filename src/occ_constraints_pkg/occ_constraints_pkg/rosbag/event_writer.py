@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import threading
 import time
@@ -24,7 +23,6 @@ from occ_constraints_pkg.rosbag.ring import Batch, Message
 _LOOK_SECONDS = 0.5
 # A robot whose disk is full has other trouble than a recording that ends early.
 _LEAVE_FREE_BYTES = 64 << 20
-_NICE = 10
 
 
 @dataclass(frozen=True)
@@ -67,6 +65,7 @@ class EventBagWriter:
         self._orders: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
         # Each is changed by one thread only.
         self._taken = self._done = 0
+        self._ends = self._ended = 0
         self._draft: Draft | None = None
         self._path = Path()
         self._problem = ''
@@ -75,6 +74,11 @@ class EventBagWriter:
         self._looked = 0.0
         self._thread = threading.Thread(target=self._run, name='event bags', daemon=True)
         self._thread.start()
+
+    @property
+    def _hurries(self) -> bool:
+        """Whether somebody waits for a recording that has all its messages."""
+        return self._ended < self._ends
 
     @property
     def backlog(self) -> int:
@@ -112,7 +116,13 @@ class EventBagWriter:
                 and ``reason`` are replaced where it ended early, and ``messages`` is added.
         """
         ordered = time.monotonic()
-        self._orders.put(lambda: self._end(document, ordered))
+        self._ends += 1
+
+        def end() -> None:
+            self._end(document, ordered)
+            self._ended += 1
+
+        self._orders.put(end)
 
     def close(self) -> None:
         """Write what is left and end the thread."""
@@ -120,10 +130,13 @@ class EventBagWriter:
         self._thread.join()
 
     def _run(self) -> None:
-        # On Linux each thread has its own. Whoever watches over the robot goes first.
-        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICE)
         while (order := self._orders.get()) is not None:
+            begin = time.thread_time()
             order()
+            if not self._hurries:
+                # What came before an event need not be written at once: half of the time is left
+                # to whoever captures, and to the nodes that watch over the robot.
+                time.sleep(time.thread_time() - begin)
         if self._draft is not None:
             self._draft.discard()
 

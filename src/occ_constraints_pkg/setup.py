@@ -16,6 +16,7 @@ NODES = (
     'tree_learner',
     'monitor',
     'gate',
+    'event_recorder',
     'constrained_learner',
 )
 

@@ -15,6 +15,7 @@ from strategies import COARSE, rule_sets
 pytest.importorskip('rclpy', reason="needs the extra 'ros'")
 
 from occ_constraints_pkg.nodes.monitor.diagnostics import (
+    hardware_id_of,
     read_verdict,
     report_message,
     sensor_status,
@@ -77,15 +78,14 @@ def test_unknown_is_read_as_unknown():
     assert message.status[0].message == 'UNKNOWN: no input'
 
 
-@pytest.mark.parametrize(
-    ('name', 'hardware'),
-    [('monitor', 'robot 0'), ('robot1/monitor', 'robot1/robot 0'), ('a/b/gate', 'a/b/robot 0')],
-)
-def test_diagnostics_tell_robots_and_dead_publishers_apart(name, hardware):
-    message = report_message(f'{name}: judging', Verdict.UNKNOWN, 'no new /scan: late', {}, 7)
+@pytest.mark.parametrize(('namespace', 'hardware'), [('/', 'robot'), ('/a/b', 'a/b')])
+def test_diagnostics_tell_robots_and_dead_publishers_apart(namespace, hardware):
+    robot = hardware_id_of(namespace)
+    message = report_message('monitor: judging', Verdict.UNKNOWN, 'late', {}, 7, robot)
     (judging,) = message.status
     # An aggregator takes STALE for the level of a publisher that is dead.
     assert judging.level == b'\x02'
     assert judging.hardware_id == hardware
-    assert sensor_status(f'{name}: sensors', []).hardware_id == hardware
-    assert report_message(f'{name}: judging', Verdict.SAFE, '', {}, 7).status[0].level == b'\x00'
+    assert sensor_status('monitor: sensors', [], robot).hardware_id == hardware
+    told = report_message('monitor: judging', Verdict.SAFE, '', {}, 7, robot)
+    assert told.status[0].level == b'\x00'

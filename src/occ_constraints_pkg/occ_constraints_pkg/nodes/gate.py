@@ -14,6 +14,7 @@ from geometry_msgs.msg import Twist, TwistStamped, Vector3
 
 from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.nodes.monitor.diagnostics import (
+    hardware_id_of,
     read_judged_at,
     read_verdict,
     status,
@@ -120,6 +121,7 @@ class Gate(OccNode):
         )
         settings = self._settings()
         self.declared()
+        self._hardware_id = hardware_id_of(self.get_namespace())
         self._period, self._timeout = 1.0 / rate, settings.timeout
         self._command_type = TwistStamped if stamped else Twist
         now = self.steady_seconds()
@@ -280,6 +282,7 @@ class Gate(OccNode):
                 'since': self._since_ns,
                 'other_cmd_vel_publishers': self.count_publishers(self._output.topic_name) - 1,
             },
+            self._hardware_id,
         )
         message = DiagnosticArray(status=[summary])
         message.header.stamp = self.get_clock().now().to_msg()
@@ -302,7 +305,9 @@ class Gate(OccNode):
                 'rules': ', '.join(source.rules),
                 'age': source.gate.age(now),
                 'publishers': source.publishers,
+                'safe_in_a_row': source.gate.safe_in_a_row,
             },
+            self._hardware_id,
         )
 
     def close(self) -> None:

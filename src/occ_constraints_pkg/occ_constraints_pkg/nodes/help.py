@@ -33,6 +33,11 @@ _TOPICS = {
         'those of a lifecycle node',
     },
     'gate': {'subscribes': 'cmd_vel_in, violation', 'publishes': 'cmd_vel, ~/state, /diagnostics'},
+    'event_recorder': {
+        'subscribes': 'violation, rules, features, gate/state, and what it records',
+        'publishes': 'events, /diagnostics',
+        'services': '~/trigger (std_srvs/Trigger)',
+    },
     'constrained_learner': {
         'subscribes': 'observation, costs, action',
         'publishes': 'action, training',

@@ -9,7 +9,6 @@ cannot be made is UNKNOWN; neither is ever shown as safe.
 from __future__ import annotations
 
 import math
-import re
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -21,7 +20,7 @@ import numpy as np
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.rules import RuleSet, Verdict
 from occ_constraints_pkg.rules.listing import read_rules_in_force
-from occ_constraints_pkg.wording import count_of
+from occ_constraints_pkg.wording import count_of, without_numbers
 
 LOST_SECONDS = 2.0
 """Without a message for so long, a robot or a gate is lost; a monitor that has nothing to judge
@@ -37,7 +36,6 @@ _MOST_RULE_SETS = 4
 # A verdict that was made so much earlier than it was sent comes from a recording.
 _RECORDED_SECONDS = 5.0
 # Numbers that are no part of a name: the same reason with other numbers is no news.
-_NUMBER = re.compile(r'(?<![\w.])-?\d[\d.]*(e[-+]?\d+)?(?!\w)')
 
 
 class Standing(IntEnum):
@@ -270,7 +268,7 @@ class Robot:
         )
         self._keep_margin(report, when)
         if report.verdict is Verdict.UNKNOWN:
-            kind = _NUMBER.sub('', report.reason)
+            kind = without_numbers(report.reason)
             self._open(('unknown', kind), Standing.UNKNOWN, report.reason, math.nan, '', when)
         for rule in report.rules:
             which = f' (robot {rule.robot})' if rule.robot else ''
@@ -327,7 +325,7 @@ class Robot:
         standing, why = self.standing(now), ''
         if standing is Standing.UNKNOWN and not self._episodes:
             why = self.why(now)
-        noted = standing, _NUMBER.sub('', why)
+        noted = standing, without_numbers(why)
         if noted == self._noted:
             return
         self._noted = noted
@@ -524,7 +522,7 @@ def _read_rules(text: str) -> RuleSet:
 
 def _gate_kind(report: GateReport) -> str:
     """Return what is news of a gate: that it stops, and why; not how fast it lets a robot go."""
-    return f'STOP {_NUMBER.sub("", report.reason)}' if report.state == 'STOP' else 'open'
+    return f'STOP {without_numbers(report.reason)}' if report.state == 'STOP' else 'open'
 
 
 def _values(rule_set: RuleSet, index: int, sample: np.ndarray) -> str:

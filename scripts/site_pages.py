@@ -41,6 +41,9 @@ _SCHEMAS = {
     'Constraints file': ('occ_constraints_pkg.rules', 'constraints.schema.json'),
 }
 _LINK = re.compile(r'(!?)\[([^\]]*)\]\((?!https?:|mailto:|#)([^)\s]+)\)')
+# Notes below pages with commands: what tests do with them.
+_RUN = '*Commands whose output is shown here are run by `tests/test_shown_output.py`.*'
+_NOT_RUN = '*Tests check that the commands on this page exist, and do not run them.*'
 _FENCE = re.compile(r'(```.*?```)', re.DOTALL)
 
 
@@ -80,7 +83,12 @@ def _copy(source: Path, page: Path, folder: Path) -> None:
         up = '../' * len(page.parent.parts)
         return f'{mark}[{words}]({up}{there}{"#" + anchor if anchor else ""})'
 
-    parts = _FENCE.split(source.read_text(encoding='utf-8'))
+    text = source.read_text(encoding='utf-8')
+    if '```sh' in text:
+        shown = (ROOT / 'tests' / 'test_shown_output.py').read_text(encoding='utf-8')
+        is_run = repr(source.name) in shown
+        text += f'\n{_RUN if is_run else _NOT_RUN}\n'
+    parts = _FENCE.split(text)
     # Code keeps its brackets.
     parts[::2] = [_LINK.sub(moved, part) for part in parts[::2]]
     (folder / page).write_text(''.join(parts), encoding='utf-8')

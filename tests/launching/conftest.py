@@ -42,7 +42,7 @@ class Launch:
     """A running launch: it, and all its nodes, are a process group of their own."""
 
     def __init__(self, file, arguments, folder, env):
-        self.log = folder / 'launch.log'
+        self.log = folder / f'{Path(file).stem}.log'
         path = file if '/' in str(file) else PACKAGE / 'launch' / f'{file}.launch.py'
         with self.log.open('wb') as output:
             self._process = subprocess.Popen(

@@ -123,3 +123,25 @@ def test_with_respawn_a_mistake_ends_the_launch_all_the_same(start):
     launch = start('monitor', 'constraints_file:=none.yaml', 'respawn:=true')
     assert launch.join() == 1
     assert 'monitor ended with exit code 2' in launch.text
+
+
+def test_ctrl_c_during_the_recording_learns_nothing(start, tmp_path):
+    launch = start('record_and_learn', *RECORD[:5], 'duration:=60')
+    launch.wait_for('[recorder]: recording all topics')
+    launch.interrupt()
+    assert launch.join() == 0
+    assert 'tree_learner' not in launch.pids
+    assert not (tmp_path / 'learned.yaml').exists()
+
+
+def test_a_monitor_lives_by_the_clock_of_the_simulation(start, observer, rules):
+    from diagnostic_msgs.msg import DiagnosticArray
+
+    heard = []
+    observer.node.create_subscription(
+        DiagnosticArray, '/robot1/violation', lambda message: heard.append(message.status[0]), 100
+    )
+    options = ('namespace:=robot1', 'use_sim_time:=true')
+    start('monitor', rules, *options)
+    start('simulation', 'world:=simple_nav', 'policy:=straight', *options)
+    observer.spin_until(lambda: any(item.message.startswith('SAFE') for item in heard))

@@ -74,8 +74,3 @@ def test_every_ros_package_that_the_code_imports_is_a_dependency(manifest, packa
     # Of those, builtin_interfaces comes with each of the messages.
     assert {'rclpy', 'launch', 'sensor_msgs'} <= imported
     assert imported | {'tf2_msgs'} <= keys
-
-
-def test_bloom_and_readers_find_where_the_package_is_from(manifest):
-    assert manifest.find('url').get('type') == 'website'
-    assert manifest.findtext('url').startswith('https://')

@@ -44,3 +44,9 @@ def test_the_reference_is_generated_from_the_code(pages, nodes):
     assert '## occ features suggest\n' in reference['commands']
     assert '## load_feature_map\n' in reference['python']
     assert '| `features[].topic` |' in reference['files']
+
+
+def test_pages_say_whether_their_commands_are_run(pages):
+    for name, note in (('index.md', 'are run by'), ('nav2.md', 'do not run them')):
+        assert note in (pages / name).read_text(encoding='utf-8').splitlines()[-1]
+    assert 'run' not in (pages / 'glossary.md').read_text(encoding='utf-8').splitlines()[-1]

@@ -30,7 +30,8 @@ def run(code: str, folder: Path | None = None) -> subprocess.CompletedProcess:
 def test_all_but_pictures_is_imported_without_extras():
     done = run(
         'import importlib, pkgutil, occ_constraints_pkg as top\n'
-        "for room in ('rules', 'learning', 'features', 'rosbag', 'datasets', 'checking', 'report', 'cli'):\n"
+        "for room in ('rules', 'learning', 'features', 'rosbag', 'datasets', 'checking', 'report', "
+        "'cli'):\n"
         "    name = f'{top.__name__}.{room}'\n"
         '    room = importlib.import_module(name)\n'
         '    for module in pkgutil.walk_packages(room.__path__, name + "."):\n'

@@ -55,6 +55,7 @@ setup(
         'ruamel.yaml>=0.17.21',
         'jsonschema>=4.10',
         'click>=8.1.6',
+        'jinja2>=3.1',
         'rosbags>=0.10.9',
         'mcap>=1.5',
         'lz4>=4.0',
@@ -65,7 +66,7 @@ setup(
         'test': ['pytest'],
         'ros': ['ros-jazzy-rclpy[fastrtps]>=7.1.4', 'ros-jazzy-common-interfaces', 'pyyaml>=6.0'],
         'train': ['torch>=2.3', 'mujoco>=3.3', 'gymnasium>=1.1', 'highway-env>=1.12'],
-        'report': ['matplotlib>=3.8', 'jinja2>=3.1', 'textual>=1.0'],
+        'report': ['matplotlib>=3.8', 'textual>=1.0'],
         'dev': [
             'pytest>=8',
             'pytest-timeout>=2.3',

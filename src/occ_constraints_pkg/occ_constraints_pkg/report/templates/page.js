@@ -89,7 +89,8 @@
     const recording = recordings[place];
     const table = element('table'), head = element('thead'), body = element('tbody');
     const titles = element('tr');
-    const hasEpisodes = new Set(recording.violations.map(item => item[1])).size > 1;
+    // Also where only one of them violates: which one it was is what people ask.
+    const hasEpisodes = new Set(rowsOf(place).episodes).size > 1;
     for (const title of ['', 'from', 'to', ...hasEpisodes ? ['episode'] : [], 'rule', 'violated when', 'margin']) {
       titles.append(element('th', {scope: 'col'}, title));
     }

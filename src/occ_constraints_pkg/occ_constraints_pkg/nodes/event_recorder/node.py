@@ -148,6 +148,9 @@ class EventRecorder(OccNode):
         for source in self._sources:
             self._take(source.close(now, 'the recorder was ended'))
         self._journal.tick(wall=now.wall, steady=now.steady + 10**10)
+        if self._journal.waiting:
+            lost = count_of(self._journal.waiting, 'event')
+            self.get_logger().error(f'{lost} could not be kept: {self._journal.problem}')
         self._store.close()
         self.flush(self._events)
 

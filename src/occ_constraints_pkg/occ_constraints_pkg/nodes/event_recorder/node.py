@@ -25,8 +25,8 @@ from occ_constraints_pkg.wording import count_of
 
 _TICK_SECONDS = 0.1
 _REPORT_SECONDS = 1.0
-# After a start, subscribers need so long to find this node.
-_SETTLE_SECONDS = 2.0
+# After a start, subscribers need some time to find this node; whether any comes is not known.
+_SETTLE_SECONDS, _MOST_WAITS = 2.0, 10
 _LEVELS = {'violation': DiagnosticStatus.ERROR, 'stop': DiagnosticStatus.ERROR}
 
 
@@ -87,7 +87,7 @@ class EventRecorder(OccNode):
         self._sources += [
             GateSource(self, gate, self._take, self._recent) for gate in dict.fromkeys(gates)
         ]
-        self._logged_problem = ''
+        self._logged_problem, self._waits = '', 0
         self.steady_timer(_TICK_SECONDS, self._tick)
         self.steady_timer(_REPORT_SECONDS, self._report)
 
@@ -105,6 +105,9 @@ class EventRecorder(OccNode):
         log.info(f'keeping events in {self._store.path}')
 
     def _tell_interrupted(self) -> None:
+        self._waits += 1
+        if not self._events.get_subscription_count() and self._waits < _MOST_WAITS:
+            return
         self._telling.cancel()
         self._take([(event, 'ended') for event in self._store.interrupted])
 

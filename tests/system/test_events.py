@@ -136,6 +136,12 @@ def test_a_stop_is_explained_and_kept_whatever_is_killed(nodes, observer, drive)
         lambda: any('no verdict' in item.reason for item in drive.has('unknown', 'began'))
     )
 
+    drive.observer.spin(1.0)
+    assert (
+        len({item.id for item in drive.has('unknown', 'began') if 'no verdict for' in item.reason})
+        == 1
+    )
+
     store = nodes.folder / 'store'
     listed = json.loads(occ('list', '--store', store, '--json'))[0]['events']
     assert [item['number'] for item in listed] == list(range(1, len(listed) + 1))

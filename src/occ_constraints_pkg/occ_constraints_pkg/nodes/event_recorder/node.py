@@ -91,7 +91,6 @@ class EventRecorder(OccNode):
         self._sources += [
             GateSource(self, gate, self._take, self._recent) for gate in dict.fromkeys(gates)
         ]
-<<<<<<< HEAD
         self._incidents: IncidentRecorder | None = None
         if recording.is_on:
             self._incidents = IncidentRecorder(
@@ -103,10 +102,7 @@ class EventRecorder(OccNode):
             )
             self.add_listener(self._incidents.on_event)
         self.create_service(Trigger, '~/trigger', self._on_trigger)
-        self._logged_problem = ''
-=======
         self._logged_problem, self._waits = '', 0
->>>>>>> events19
         self.steady_timer(_TICK_SECONDS, self._tick)
         self.steady_timer(_REPORT_SECONDS, self._report)
 

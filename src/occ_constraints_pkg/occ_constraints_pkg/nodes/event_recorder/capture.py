@@ -3,8 +3,8 @@
 """Takes the messages of chosen topics from the middleware, serialized, some fifty times a second.
 
 An executor would wake Python for each message, which takes the events executor half as much time
-again, and an ordinary one four times as much (``docs/speed.md``). The middleware notes when a message
-arrived, so its log time is none the worse.
+again, and an ordinary one four times as much (``docs/speed.md``). The middleware notes when a
+message arrived, so its log time is none the worse.
 """
 
 from __future__ import annotations

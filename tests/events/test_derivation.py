@@ -198,6 +198,19 @@ def test_that_nothing_can_be_judged_is_an_event_of_its_own():
     assert event.reason == 'no input for 1 s; then: disabled'
 
 
+def test_silence_that_began_with_the_last_verdict_is_one_event():
+    derived = VerdictEvents('/', Settings())
+    derived.add(sample(1.0, 0.0))
+    changes = []
+    for second in range(4, 8):
+        silence = Sample(
+            Verdict.UNKNOWN, math.nan, SECOND, SECOND, SECOND, reason='no verdict', is_answer=False
+        )
+        changes += derived.add(silence)
+        changes += derived.tick(second * SECOND)
+    assert phases(changes) == [('unknown', 'began')]
+
+
 def test_other_rules_end_what_the_earlier_ones_began():
     derived = VerdictEvents('/', Settings())
     derived.add(sample(0.0, 2.0, rule_set='a'))

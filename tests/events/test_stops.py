@@ -96,4 +96,5 @@ def test_further_reasons_are_told_once_each():
     assert event.reason == 'VIOLATED: x at 0.3; then: no verdict for 1 s'
     [(event, phase)] = stops.close(3 * SECOND, 'the recorder was ended')
     assert phase == 'ended'
+    assert 'released' not in event.text
     assert event.reason.endswith('; then: the recorder was ended')

@@ -118,9 +118,13 @@ def test_a_stop_is_explained_and_kept_whatever_is_killed(nodes, observer, drive)
     assert {b'\x03'}.isdisjoint(status.level for status in diagnosed)
 
     # UNKNOWN, told with its reason, goes on when the recorder is killed, and is then interrupted.
-    drive.until(lambda: drive.has('unknown', 'began'), BROKEN)
-    unknown = drive.has('unknown', 'began')[0]
-    assert unknown.reason == 'x is missing, stale or not a number'
+    why = 'x is missing, stale or not a number'
+
+    def broken():
+        return [item for item in drive.has('unknown', 'began') if item.reason == why]
+
+    drive.until(broken, BROKEN)
+    unknown = broken()[0]
     recorder.send_signal(signal.SIGKILL)
     recorder.join()
     drive.told.clear()
@@ -132,9 +136,14 @@ def test_a_stop_is_explained_and_kept_whatever_is_killed(nodes, observer, drive)
     # Without a monitor there is no verdict, which is an event too.
     monitor.send_signal(signal.SIGKILL)
     monitor.join()
-    observer.spin_until(
-        lambda: any('no verdict' in item.reason for item in drive.has('unknown', 'began'))
-    )
+
+    def silent():
+        unknown = [event for event, _ in drive.told if event.kind == 'unknown']
+        return {event.id for event in unknown if 'no verdict for' in event.reason}
+
+    observer.spin_until(silent)
+    observer.spin(1.0)
+    assert len(silent()) == 1
 
     store = nodes.folder / 'store'
     listed = json.loads(occ('list', '--store', store, '--json'))[0]['events']

@@ -203,8 +203,8 @@ class VerdictEvents:
         position = self._head.position(sample, self._position, elapsed)
         step = position - self._position
         valid = min(step, self._timeout)
-        for event in self._open.values():
-            if event.row == self._row:
+        for key, event in self._open.items():
+            if event.row == self._row and key[0] != 'unjudged':
                 event.end = self._position + valid
                 event.ended = last.steady + min(elapsed, self._timeout)
                 event.is_unbroken = event.is_unbroken and valid == step
@@ -222,7 +222,7 @@ class VerdictEvents:
             changes += event.told('began')
         else:
             changes += event.add(sample, None)
-        event.is_unbroken = True
+        event.row, event.is_unbroken = self._row, True
         return changes
 
     def _end_unjudged(self, steady: int) -> list[Change]:
@@ -231,7 +231,7 @@ class VerdictEvents:
         event = self._open.get(key)
         if event is None:
             return []
-        if event.is_unbroken and self._last is not None and self._last.steady >= event.seen:
+        if event.is_unbroken and self._last is not None and self._row > event.row:
             event.ended, event.is_unbroken = self._last.steady, False
         is_over = not event.is_unbroken and steady - event.ended > self._bridge
         return self._end(key) if is_over else []
@@ -279,7 +279,6 @@ class _Open:
         row: number of the last sample that belongs to it.
         end: position of its end.
         ended: steady time of its end.
-        seen: steady time of the last sample that belongs to it.
         is_unbroken: whether it holds for the newest sample.
         is_spoiled: whether a violation belongs to it, so that it is no near miss.
         reasons: why.
@@ -287,7 +286,7 @@ class _Open:
 
     def __init__(self, robot: str, kind: str, sample: Sample, rule: RuleSample | None) -> None:
         self.kind, self.row, self.end = kind, 0, 0
-        self.ended = self.seen = sample.steady
+        self.ended = sample.steady
         self.is_unbroken = True
         self.is_spoiled = sample.verdict is Verdict.VIOLATED
         self.reasons = Reasons(sample.reason)
@@ -299,7 +298,7 @@ class _Open:
     def add(self, sample: Sample, rule: RuleSample | None) -> list[Change]:
         """Take another sample that belongs to it; return whether it is the worst so far."""
         self._ask()
-        self._last, self.seen = sample, sample.steady
+        self._last = sample
         self.is_spoiled |= sample.verdict is Verdict.VIOLATED
         is_news = self.reasons.add(sample.reason)
         margin = sample.margin if rule is None else rule.margin

@@ -20,7 +20,7 @@ _MOST_WAITING = 10_000
 # How many events are remembered for what may still happen to them.
 _MOST_RECENT = 200
 # How often a store is tried again that could not be written, and open events are noted.
-_RETRY_NS, _HEAR_NS = 1_000_000_000, 10_000_000_000
+_RETRY_NS, _HEAR_NS = 1_000_000_000, 2_000_000_000
 
 
 class Journal:

@@ -83,7 +83,9 @@ class StopEvents:
         stop.find_cause(recent)
         age = sample.wall - sample.since
         released = sample.steady - (age if 0 <= age <= _DELAY_NS else 0)
-        return [(stop.value(max(released, stop.steady), sample.safe_in_a_row), 'ended')]
+        safe = sample.safe_in_a_row
+        how = f', released after {count_of(safe, "safe verdict")}' if safe else ', released'
+        return [(stop.value(max(released, stop.steady), how=how), 'ended')]
 
     def tick(self, wall: int, steady: int, recent: Sequence[Event]) -> list[Change]:
         """See whether the gate is still there; to be called now and then."""
@@ -103,7 +105,7 @@ class StopEvents:
         if stop is None:
             return []
         stop.add_reason(reason)
-        return [(stop.value(steady), 'ended')]
+        return [(stop.value(steady, how=''), 'ended')]
 
 
 def _began(sample: GateSample, is_first: bool) -> GateSample:
@@ -163,12 +165,12 @@ class _Stop:
         is_over = event.ended is not None and event.ended < self._wall - _AFTER_NS
         return event.kind == 'unknown' and not self._rules and not is_over
 
-    def value(self, ended: int | None = None, safe: int | None = None) -> Event:
+    def value(self, ended: int | None = None, *, how: str = '') -> Event:
         """Return the event as it is now.
 
         Args:
             ended: steady time of the end.
-            safe: safe verdicts that released it, if that is known.
+            how: how it ended, for the end of the text.
         """
         cause = self._cause
         end = None if ended is None else self._wall + ended - self.steady
@@ -176,7 +178,7 @@ class _Stop:
             id=self._id,
             kind='stop',
             robot=self._robot,
-            text=self._text(end, safe),
+            text=self._text(end, how),
             began=self._wall,
             worst=self._wall,
             ended=end,
@@ -189,7 +191,7 @@ class _Stop:
             cause=None if cause is None else cause.id,
         )
 
-    def _text(self, ended: int | None, safe: int | None) -> str:
+    def _text(self, ended: int | None, how: str) -> str:
         clock = time.strftime('%H:%M:%S', time.localtime(self._wall // 1_000_000_000))
         cause = self._cause
         if cause is None:
@@ -201,5 +203,4 @@ class _Stop:
         if ended is None:
             return f'stopped {clock}: {why}'
         seconds = max(0, ended - self._wall) * 1e-9
-        after = f' after {count_of(safe, "safe verdict")}' if safe else ''
-        return f'stopped {clock} for {seconds:.1f} s: {why}, released{after}'
+        return f'stopped {clock} for {seconds:.1f} s: {why}{how}'

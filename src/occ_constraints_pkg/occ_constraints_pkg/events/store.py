@@ -27,6 +27,7 @@ MAX_BYTES = 256 << 20
 # 'occev' as a number, by which `file` and we know such a file from other databases.
 _APPLICATION = 0x6F636576
 _BUSY_SECONDS = 5.0
+_LOG_PAGES = 100
 # So many events are removed at once, and so much of the size is left to others afterwards.
 _REMOVED_AT_ONCE, _FILLED = 500, 0.95
 _TABLE = """
@@ -288,7 +289,9 @@ class EventStore:
             connection.execute('PRAGMA journal_mode = WAL')
             # Also a power cut then costs nothing that was kept; NORMAL would survive kills only.
             connection.execute('PRAGMA synchronous = FULL')
-            connection.execute(f'PRAGMA journal_size_limit = {4 << 20}')
+            # The log must not need much more room than the store itself.
+            connection.execute(f'PRAGMA wal_autocheckpoint = {_LOG_PAGES}')
+            connection.execute(f'PRAGMA journal_size_limit = {_LOG_PAGES << 12}')
             if is_new:
                 connection.execute('BEGIN IMMEDIATE')
                 connection.execute(_TABLE)
@@ -343,6 +346,9 @@ class EventStore:
         except sqlite3.Error as error:
             self._roll_back()
             self._is_damaged |= _is_damage(error)
+            # On a full disk, what the log holds may still find room in the file itself.
+            with suppress(sqlite3.Error):
+                self._connection.execute('PRAGMA wal_checkpoint(TRUNCATE)')
             raise OSError(f'cannot write {self.path}: {error}') from error
         except BaseException:
             self._roll_back()

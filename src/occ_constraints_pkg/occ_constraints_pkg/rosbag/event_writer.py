@@ -131,12 +131,14 @@ class EventBagWriter:
 
     def _run(self) -> None:
         while (order := self._orders.get()) is not None:
-            begin = time.thread_time()
+            begin, began = time.thread_time(), time.monotonic()
             order()
             if not self._hurries:
                 # What came before an event need not be written at once: half of the time is left
-                # to whoever captures, and to the nodes that watch over the robot.
-                time.sleep(time.thread_time() - begin)
+                # to whoever captures, and to the nodes that watch over the robot. On a busy
+                # machine, or with a slow disk, others have had their half by now.
+                rest = 2.0 * (time.thread_time() - begin) - (time.monotonic() - began)
+                time.sleep(max(0.0, rest))
         if self._draft is not None:
             self._draft.discard()
 

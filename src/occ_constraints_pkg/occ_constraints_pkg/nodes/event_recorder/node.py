@@ -28,8 +28,8 @@ from occ_constraints_pkg.wording import count_of
 
 _TICK_SECONDS = 0.1
 _REPORT_SECONDS = 1.0
-# After a start, subscribers need so long to find this node.
-_SETTLE_SECONDS = 2.0
+# After a start, subscribers need some time to find this node; whether any comes is not known.
+_SETTLE_SECONDS, _MOST_WAITS = 2.0, 10
 _LEVELS = {'violation': DiagnosticStatus.ERROR, 'stop': DiagnosticStatus.ERROR}
 
 
@@ -102,7 +102,7 @@ class EventRecorder(OccNode):
             )
             self.add_listener(self._incidents.on_event)
         self.create_service(Trigger, '~/trigger', self._on_trigger)
-        self._logged_problem = ''
+        self._logged_problem, self._waits = '', 0
         self.steady_timer(_TICK_SECONDS, self._tick)
         self.steady_timer(_REPORT_SECONDS, self._report)
 
@@ -122,6 +122,9 @@ class EventRecorder(OccNode):
             self._incidents.begin()
 
     def _tell_interrupted(self) -> None:
+        self._waits += 1
+        if not self._events.get_subscription_count() and self._waits < _MOST_WAITS:
+            return
         self._telling.cancel()
         self._take([(event, 'ended') for event in self._store.interrupted])
 
@@ -167,6 +170,9 @@ class EventRecorder(OccNode):
         if self._incidents is not None:
             self._incidents.close()
         self._journal.tick(wall=now.wall, steady=now.steady + 10**10)
+        if self._journal.waiting:
+            lost = count_of(self._journal.waiting, 'event')
+            self.get_logger().error(f'{lost} could not be kept: {self._journal.problem}')
         self._store.close()
         self.flush(self._events)
 

@@ -23,13 +23,13 @@ from occ_constraints_pkg.cli.common import (
     say_lines,
 )
 from occ_constraints_pkg.errors import DataError
+from occ_constraints_pkg.events.event import KINDS
 from occ_constraints_pkg.files import EVENTS, check_outputs, replacing
 from occ_constraints_pkg.wording import count_of
 
 if TYPE_CHECKING:
     from occ_constraints_pkg.events.store import EventReader, Filter, Stored
 
-_KINDS = ('violation', 'unknown', 'near_miss', 'stop', 'trigger')
 _AGO = re.compile(r'(\d+(?:\.\d+)?)\s*([smhdw])')
 _UNITS = {'s': 'seconds', 'm': 'minutes', 'h': 'hours', 'd': 'days', 'w': 'weeks'}
 
@@ -83,7 +83,7 @@ def _filters(command: Callable[..., Any]) -> Callable[..., Any]:
             metavar='TIME',
             help="Those not over before: '2026-12-01 02:14', 02:14, or 2h ago as 2h.",
         ),
-        click.option('--kind', type=click.Choice(_KINDS), help='Those of one kind.'),
+        click.option('--kind', type=click.Choice(KINDS), help='Those of one kind.'),
         click.option('--robot', metavar='NAMESPACE', help='Those of one robot.'),
         click.option('--rule', metavar='ID', help='Those of one rule.'),
         _STORE,

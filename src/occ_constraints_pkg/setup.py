@@ -45,7 +45,10 @@ setup(
     packages=find_packages(include=[NAME, f'{NAME}.*']),
     package_data={
         NAME: ['py.typed']
-        + [f'**/*.{suffix}' for suffix in ('yaml', 'json', 'xml', 'npz', 'j2', 'css', 'js')],
+        + [
+            f'**/*.{suffix}'
+            for suffix in ('yaml', 'json', 'xml', 'npz', 'j2', 'css', 'js', 'html', 'svg')
+        ],
     },
     zip_safe=False,
     install_requires=[

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,20 +21,22 @@ _NS_LIMIT = 2**63
 
 
 @dataclass(frozen=True)
-class Event:
-    """What is known of one event; a later message about it replaces this.
+class HeardEvent:
+    """What a message said of one event; a later one replaces it.
+
+    It is read leniently and cut to what a view shows.
 
     Attributes:
         source: the topic that told of it.
         id: unique for that topic.
-        phase: ``began``, ``worst``, ``ended`` and so on.
-        kind: ``violation``, ``unknown`` and so on.
+        phase: ``began``, ``update`` or ``ended``.
+        kind: ``violation``, ``unknown``, ``near_miss``, ``stop`` or ``trigger``.
         robot: whom it is about.
         rule: id of the rule; empty where none is concerned.
         text: the event in words.
         values: of the features concerned, for people.
         margin: the worst one; NaN where there is none.
-        began_ns: stamp of the beginning; 0 where unknown, as for the next two.
+        began_ns: wall time of the beginning; 0 where unknown, as for the next two.
         worst_ns: of the worst moment.
         ended_ns: of the end; 0 while it goes on.
         reason: for UNKNOWN, and the cause of a stop.
@@ -62,17 +64,20 @@ class EventLog:
 
     Attributes:
         version: another number after each change.
+        sources: topics that events were heard on.
     """
 
     def __init__(self) -> None:
         self.version = 0
-        self._events: dict[tuple[str, str], Event] = {}
+        self.sources: set[str] = set()
+        self._events: dict[tuple[str, str], HeardEvent] = {}
 
-    def __iter__(self) -> Iterator[Event]:
+    def __iter__(self) -> Iterator[HeardEvent]:
         return iter(self._events.values())
 
-    def hear(self, event: Event) -> None:
+    def hear(self, event: HeardEvent) -> None:
         """Take an event, or what is newly known of one."""
+        self.sources.add(event.source)
         key = event.source, event.id
         if self._events.get(key) == event:
             return
@@ -84,7 +89,7 @@ class EventLog:
             del self._events[next(iter(self._events))]
 
 
-def read_event(text: str, source: str) -> Event | None:
+def read_event(text: str, source: str) -> HeardEvent | None:
     """Return what a message on ``events`` says; None for one that is not about an event.
 
     Args:
@@ -99,7 +104,7 @@ def read_event(text: str, source: str) -> Event | None:
         return None
     if not isinstance(said, dict) or not isinstance(said.get('kind'), str) or 'id' not in said:
         return None
-    return Event(
+    return HeardEvent(
         source,
         *(_text(said.get(key)) for key in ('id', 'phase', 'kind', 'robot', 'rule', 'text')),
         _values(said.get('values')),
@@ -117,7 +122,7 @@ def _text(value: Any) -> str:
 
 
 def _values(values: Any) -> str:
-    if not isinstance(values, Mapping):
+    if not isinstance(values, dict):
         return ''
     told = [f'{_text(key)} {_shown(value)}' for key, value in list(values.items())[:_MOST_VALUES]]
     more = len(values) - _MOST_VALUES

@@ -464,11 +464,13 @@ class Fleet:
         robots: by the topic of their verdicts.
         gates: by the name of their node.
         events: that event recorders told of.
+        change_count: how many changes there were so far.
     """
 
     robots: dict[str, Robot] = field(default_factory=dict)
     gates: dict[str, Gate] = field(default_factory=dict)
     events: EventLog = field(default_factory=EventLog)
+    change_count: int = 0
     _changes: deque[Change] = field(default_factory=lambda: deque(maxlen=_MOST_CHANGES))
     _fresh: list[Change] = field(default_factory=list)
 
@@ -517,6 +519,7 @@ class Fleet:
                 self.note(now, gate.name, 'gate', f'LOST: silent for {LOST_SECONDS:g} s')
 
     def _take(self, change: Change) -> None:
+        self.change_count += 1
         self._changes.append(change)
         self._fresh.append(change)
 

@@ -17,6 +17,7 @@ NODES = (
     'monitor',
     'gate',
     'constrained_learner',
+    'dashboard',
 )
 
 # colcon may run this file from another directory, but always with the package as working
@@ -65,6 +66,7 @@ setup(
     extras_require={
         'ros': ['ros-jazzy-rclpy[fastrtps]>=7.1.4', 'ros-jazzy-common-interfaces', 'pyyaml>=6.0'],
         'train': ['torch>=2.3', 'mujoco>=3.3', 'gymnasium>=1.1', 'highway-env>=1.12'],
+        'dashboard': ['uvicorn>=0.27', 'h11>=0.14'],
         'report': ['matplotlib>=3.8', 'jinja2>=3.1', 'textual>=1.0'],
         'dev': [
             'pytest>=8',

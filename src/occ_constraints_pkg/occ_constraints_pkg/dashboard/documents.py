@@ -17,7 +17,6 @@ import itertools
 import json
 import math
 import time
-from collections.abc import Iterator
 from typing import Any
 
 from occ_constraints_pkg.fleet.events import HeardEvent

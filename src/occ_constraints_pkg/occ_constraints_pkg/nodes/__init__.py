@@ -30,6 +30,7 @@ NODES = (
     'monitor',
     'gate',
     'constrained_learner',
+    'dashboard',
 )
 # Where the module is not of the node's name.
 _MODULES = {'monitor': 'monitor.node'}

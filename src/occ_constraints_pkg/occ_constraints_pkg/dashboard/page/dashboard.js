@@ -271,6 +271,7 @@
       limits: [{bound: 0, operator: '<='}], time: moment => moment ? Math.round(-moment) + ' s ago' : 'now'}));
   }
   function showRules(robot) {
+    at('change-title').hidden = !canChange();
     const texts = rules[robot.rule_set] || [];
     const largest = Math.max(...robot.rules.map(row => row[1] === null ? 0 : Math.abs(row[1])), 1e-9);
     const lines = sized(at('rules'), robot.rules.length, newRule);

@@ -15,6 +15,7 @@ BENCHMARKS = {
     'rules': 'Judging by rules beside a decision tree of scikit-learn.',
     'monitor': 'The monitor beside a bare relay; takes 4 minutes.',
     'watch': 'The live view of five robots beside a bare listener.',
+    'dashboard': 'The page of twenty robots beside a bare listener.',
     'record': 'What a killed recorder of 200 topics loses; takes 5 minutes.',
     'gate': 'The gate under random stops, kills and restarts.',
     'bags': 'Features of a bag beside its messages deserialized by rosbags.',

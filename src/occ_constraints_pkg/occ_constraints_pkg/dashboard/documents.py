@@ -201,8 +201,9 @@ def _seconds(nanoseconds: int) -> float | None:
 
 
 def _number(value: float) -> float | None:
-    # JSON has neither NaN nor infinity.
-    return float(f'{value:.5g}') if math.isfinite(value) else None
+    # JSON has neither NaN nor infinity, which the largest numbers are rounded to.
+    rounded = float(f'{value:.5g}')
+    return rounded if math.isfinite(rounded) else None
 
 
 def _margin(value: float | None) -> float | str | None:

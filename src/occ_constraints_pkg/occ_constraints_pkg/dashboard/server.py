@@ -65,8 +65,7 @@ class PageServer:
         listening = _listen(host, port)
         self.host, self.port = host, listening.getsockname()[1]
         # A flood of nonsense must not become a flood of lines.
-        logging.getLogger('uvicorn').addHandler(logging.NullHandler())
-        logging.getLogger('uvicorn').propagate = False
+        logging.getLogger('uvicorn.error').setLevel(logging.CRITICAL)
         config = uvicorn.Config(
             self._application,
             http=_protocol(self._application),

@@ -8,7 +8,7 @@ import time
 
 import pytest
 from occ_constraints_pkg.fleet.events import read_event
-from occ_constraints_pkg.fleet.model import BUCKET_SECONDS, BUCKETS
+from occ_constraints_pkg.fleet.margins import BUCKET_SECONDS, BUCKETS
 from sites import report_of
 
 TOKEN = 'a-token-of-this-test'

@@ -20,9 +20,8 @@ import time
 from typing import Any
 
 from occ_constraints_pkg.fleet.events import HeardEvent
+from occ_constraints_pkg.fleet.margins import BUCKET_SECONDS, BUCKETS
 from occ_constraints_pkg.fleet.model import (
-    BUCKET_SECONDS,
-    BUCKETS,
     LOST_SECONDS,
     Change,
     Fleet,

@@ -21,6 +21,7 @@ import numpy as np
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.fleet.events import EventLog
 from occ_constraints_pkg.fleet.health import Health
+from occ_constraints_pkg.fleet.margins import MarginHistory
 from occ_constraints_pkg.rules import RuleSet, Verdict
 from occ_constraints_pkg.rules.listing import read_rules_in_force
 from occ_constraints_pkg.wording import count_of
@@ -28,10 +29,6 @@ from occ_constraints_pkg.wording import count_of
 LOST_SECONDS = 2.0
 """Without a message for so long, a robot or a gate is lost; a monitor that has nothing to judge
 reports so once a second."""
-BUCKET_SECONDS = 0.5
-"""Of each such span the smallest margin is kept."""
-BUCKETS = 600
-"""How many spans are kept: five minutes."""
 # A violation that begins again within this time goes on, as in `occ check`.
 _BRIDGE_SECONDS = 0.5
 _MOST_CHANGES = 500
@@ -240,7 +237,7 @@ class Robot:
         self._rule_sets: dict[str, RuleSet] = {}
         self._shown_rules = ''
         self._episodes: dict[object, _Episode] = {}
-        self._margins: deque[tuple[int, float]] = deque(maxlen=BUCKETS)
+        self._margins = MarginHistory()
         # The standing that was noted last, and for which kind of reason.
         self._noted: tuple[Standing, str] | None = None
         self.changes: deque[Change] = deque(maxlen=_MOST_CHANGES)
@@ -289,8 +286,9 @@ class Robot:
         self.is_recorded = bool(
             made is not None and sent_ns and sent_ns - made > _RECORDED_SECONDS * 1e9
         )
-        self._keep_margin(report, when)
-        if report.verdict is Verdict.UNKNOWN:
+        is_unknown = report.verdict is Verdict.UNKNOWN
+        self._margins.keep(math.nan if is_unknown else report.margin, when)
+        if is_unknown:
             kind = _NUMBER.sub('', report.reason)
             self._open(('unknown', kind), Standing.UNKNOWN, report.reason, math.nan, '', when)
         for rule in report.rules:
@@ -392,14 +390,6 @@ class Robot:
         if margin < item.margin:
             item.words, item.margin, item.values = words, margin, values
 
-    def _keep_margin(self, report: Report, when: float) -> None:
-        bucket = int(when / BUCKET_SECONDS)
-        margin = -math.inf if report.verdict is Verdict.UNKNOWN else report.margin
-        if self._margins and self._margins[-1][0] >= bucket:
-            bucket, least = self._margins.pop()
-            margin = min(margin, least)
-        self._margins.append((bucket, margin))
-
     def margins(self, count: int, now: float) -> list[float | None]:
         """Return the smallest margin of each of the last spans, the present one last.
 
@@ -410,9 +400,7 @@ class Robot:
         Returns:
             ``-inf`` for a span with UNKNOWN in it, None for one without a verdict.
         """
-        last = int(now / BUCKET_SECONDS)
-        known = dict(self._margins)
-        return [known.get(bucket) for bucket in range(last - count + 1, last + 1)]
+        return self._margins.newest(count, now)
 
     def closeness(self, now: float) -> tuple[np.ndarray, np.ndarray]:
         """Return which rules are the closest to being violated.

@@ -12,7 +12,8 @@ import time
 from collections import Counter
 from collections.abc import Sequence
 
-from occ_constraints_pkg.fleet.model import BUCKET_SECONDS, Fleet, Robot, RuleRow, Standing
+from occ_constraints_pkg.fleet.margins import BUCKET_SECONDS
+from occ_constraints_pkg.fleet.model import Fleet, Robot, RuleRow, Standing
 from occ_constraints_pkg.terminal import printable
 
 Span = tuple[str, str]

@@ -350,11 +350,10 @@
     const row = element('tr', {class: isOpen ? 'open' : '', title: 'event ' + event.id});
     const what = element('td', {}, (KINDS[event.kind] || event.kind) + ': ' + event.text
       + (event.values ? ' (' + event.values + ')' : '') + (event.reason && event.reason !== event.text ? '; ' + event.reason : ''));
-    const bag = element('td');
-    if (event.bag) bag.append(element('code', {}, event.bag));
+    if (event.bag) what.append(element('code', {}, event.bag));
     const lasted = isOpen ? 'going on' : event.began === null ? '' : Math.max(0, event.ended - event.began).toFixed(1) + ' s';
     row.append(element('td', {}, event.began === null ? '?' : clock(event.began)), element('td', {}, event.robot), what,
-      element('td', {class: 'number'}, lasted), element('td', {class: 'number'}, event.margin === null ? '' : short(event.margin)), bag);
+      element('td', {class: 'number'}, lasted), element('td', {class: 'number'}, event.margin === null ? '' : short(event.margin)));
     return row;
   }
 

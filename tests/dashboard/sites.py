@@ -39,7 +39,7 @@ class Site:
         from occ_constraints_pkg.dashboard.server import PageServer
 
         self.fleet, self.heard, self.wishes = Fleet(), {}, []
-        self.lock = threading.Lock()
+        self.lock, self._gates = threading.Lock(), {}
         self._documents = Documents(self.fleet, allows_control=bool(token))
         self.server = PageServer(
             access_of('127.0.0.1', hosts, token), lambda wish: self.wishes.append(wish) or True
@@ -62,11 +62,10 @@ class Site:
         return robot
 
     def gate(self, name, state='PASS', reason=''):
-        """Let a gate say what it does."""
+        """Let a gate say from now on what it does."""
         topics = (f'{name}/violation',)
-        report = GateReport(state, 1.0, reason, time.time_ns(), topics)
         with self.lock:
-            self.fleet.hear_gate(f'{name}/gate', report, time.monotonic())
+            self._gates[f'{name}/gate'] = GateReport(state, 1.0, reason, time.time_ns(), topics)
 
     def _run(self):
         while not self._is_over.wait(self._seconds):
@@ -82,6 +81,8 @@ class Site:
             robot.hear(report_of(0.0, reason=said) if is_reason else report_of(said), now)
             if not is_reason:
                 robot.hear_features(np.array([[1.0 - said, 2.0]]), RULE_SET.fingerprint, now)
+        for name, report in self._gates.items():
+            self.fleet.hear_gate(name, report, now)
         self.fleet.tick(now)
         self.fleet.fresh_changes()
         arrivals = self.server.arrivals

@@ -51,7 +51,7 @@ def completed(line, shell='bash'):
 
 
 CASES = {
-    'occ tr': {'plain,train'},
+    'occ tr': {'plain,train', 'plain,triage'},
     'occ wat': {'plain,watch'},
     'occ do': {'plain,doctor'},
     'occ --com': {'plain,--completion'},

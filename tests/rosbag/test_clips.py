@@ -8,8 +8,9 @@ from occ_constraints_pkg.rosbag.clips import write_clip
 from occ_constraints_pkg.rosbag.file_names import recordings_in
 from occ_constraints_pkg.rosbag.recording import Recording
 from occ_constraints_pkg.rosbag.writer import BagWriter
-from robot_bags import write_robot
 from synthetic_bags import START_NS, STORE, write_rover
+
+from experiments.robot_kinds import write_robot
 
 LATCHED = {'history': 'keep_last', 'depth': 1, 'durability': 'transient_local'}
 

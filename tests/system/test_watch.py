@@ -251,7 +251,7 @@ def test_keys_change_rules_after_a_question(nodes, observer, robots, screen, rul
         robots(shown(answer), a=SAFE)
 
     robots(shown(b'2 rules in force'), a=SAFE)
-    ask('\x1b[B ', b'disable R', b'in force; the constraints file stays')
+    ask('\x1b[B ', b'disable R', b'in force; its file stays')
     robots(shown(b'1 rule of 2 in force'), a=SAFE)
     # The disabled one is the last one.
     ask('\x1b[B\x1b[B ', b'enable R', b'2 rules in force')

@@ -201,7 +201,7 @@ def _enable_rule(monitor: str, rule: str, is_enabled: bool) -> Steps:
     )
     if not answer.result.successful:
         raise ConfigurationError(answer.result.reason)
-    return 'in force; the constraints file stays as it is'
+    return 'in force; its file stays'
 
 
 def edited(

@@ -38,7 +38,7 @@ if ! colcon build --event-handlers console_direct-; then
   fail "the build failed, see above."
 fi
 prefix=$PWD/install/occ_constraints_pkg
-for name in occ sim policy recorder player tree_learner monitor gate constrained_learner; do
+for name in occ sim policy recorder player tree_learner monitor gate constrained_learner dashboard; do
   [ -x "$prefix/lib/occ_constraints_pkg/$name" ] || fail "lib/occ_constraints_pkg/$name is missing."
 done
 for name in package.xml launch/monitor.launch.py config/params.yaml; do

@@ -173,7 +173,7 @@ def test_events_are_listed_with_their_recordings(site, visit):
     tell()
     row = tab.locator('#event-rows tr')
     tab.get_by_text('going on').wait_for()
-    assert '▲ violation: speed above 1 m/s (speed 1.25)' in row.inner_text()
+    assert '▲ violation: speed above 1 m/s; speed 1.25' in row.inner_text()
     tell(phase='ended', ended=event['began'] + 2_500_000_000, bag='/bags/one')
     tab.locator('#event-rows code').wait_for()
     assert row.count() == 1

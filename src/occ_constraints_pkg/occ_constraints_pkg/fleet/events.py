@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -64,20 +64,26 @@ class EventLog:
 
     Attributes:
         version: another number after each change.
-        sources: topics that events were heard on.
+        sources: topics that somebody publishes events on.
     """
 
     def __init__(self) -> None:
         self.version = 0
-        self.sources: set[str] = set()
+        self.sources: frozenset[str] = frozenset()
         self._events: dict[tuple[str, str], HeardEvent] = {}
 
     def __iter__(self) -> Iterator[HeardEvent]:
         return iter(self._events.values())
 
+    def find(self, sources: Iterable[str]) -> None:
+        """Take the topics that somebody publishes events on now."""
+        found = frozenset(sources)
+        if found != self.sources:
+            self.sources = found
+            self.version += 1
+
     def hear(self, event: HeardEvent) -> None:
         """Take an event, or what is newly known of one."""
-        self.sources.add(event.source)
         key = event.source, event.id
         if self._events.get(key) == event:
             return

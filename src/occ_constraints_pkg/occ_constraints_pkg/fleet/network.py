@@ -193,6 +193,9 @@ class Network:
         for topic, kinds in topics.items():
             if topic.endswith(_EVENTS) and kinds == [_TEXT] and topic not in self._events:
                 self._events[topic] = self._subscribe(String, topic, VERDICTS)
+        self._fleet.events.find(
+            topic for topic in self._events if self._node.count_publishers(topic)
+        )
 
     def _remapped(self) -> set[str]:
         """Return the topics of verdicts of the nodes that offer what a monitor does."""

@@ -312,7 +312,7 @@
       ['monitor', monitor || 'not known', false],
       ['verdicts', rate.toFixed(1) + ' a second', rate === 0],
       ['newest verdict', age === null ? 'none yet' : age.toFixed(1) + ' s ago', age === null || age > 2],
-      ['input to verdict', delay === null ? 'not known' : Math.round(delay * 1000) + ' ms', delay !== null && delay > 1],
+      ['age of its input then', delay === null ? 'not known' : Math.round(delay * 1000) + ' ms', delay !== null && delay > 1],
       ['publishers', String(publishers), publishers !== 1],
       ['other subscribers', String(subscribers), false],
       ['waiting here', queue[0] + ' of ' + queue[1], queue[0] >= queue[1] && queue[1] > 0],
@@ -348,8 +348,9 @@
   function eventRow(event) {
     const isOpen = event.ended === null;
     const row = element('tr', {class: isOpen ? 'open' : '', title: 'event ' + event.id});
-    const what = element('td', {}, (KINDS[event.kind] || event.kind) + ': ' + event.text
-      + (event.values ? ' (' + event.values + ')' : '') + (event.reason && event.reason !== event.text ? '; ' + event.reason : ''));
+    // Most texts say the reason themselves.
+    const more = [event.values, event.text.includes(event.reason) ? '' : event.reason].filter(Boolean);
+    const what = element('td', {}, [(KINDS[event.kind] || event.kind) + ': ' + event.text, ...more].join('; '));
     if (event.bag) what.append(element('code', {}, event.bag));
     const lasted = isOpen ? 'going on' : event.began === null ? '' : Math.max(0, event.ended - event.began).toFixed(1) + ' s';
     row.append(element('td', {}, event.began === null ? '?' : clock(event.began)), element('td', {}, event.robot), what,

@@ -11,9 +11,11 @@ import pytest
 REQUIRED = 'OCC_REQUIRE_BROWSER'
 
 
-@pytest.fixture(scope='session')
+# Not for the whole session: while it is there, its event loop runs in this thread, and tests fail
+# that run one of their own.
+@pytest.fixture(scope='module')
 def browser():
-    """Yield Debian's Chromium, one for all tests."""
+    """Yield Debian's Chromium, one for all tests of a module."""
     path = shutil.which('chromium') or shutil.which('chromium-browser')
     try:
         from playwright.sync_api import sync_playwright

@@ -9,6 +9,7 @@ import logging
 import socket
 import threading
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import uvicorn
@@ -27,6 +28,15 @@ _JOIN_SECONDS = 5.0
 _BACKLOG = 128
 
 
+@dataclass(frozen=True)
+class _Running:
+    """What there is from the start to the end."""
+
+    loop: asyncio.AbstractEventLoop
+    server: uvicorn.Server
+    thread: threading.Thread
+
+
 class PageServer:
     """Serves the page until it is closed.
 
@@ -37,9 +47,7 @@ class PageServer:
 
     def __init__(self, access: Access, wish: Callable[[Wish], bool]) -> None:
         self._application = Application(access, wish)
-        self._loop: asyncio.AbstractEventLoop | None = None
-        self._server: uvicorn.Server | None = None
-        self._thread: threading.Thread | None = None
+        self._running: _Running | None = None
         self.host, self.port = '', 0
 
     @property
@@ -82,20 +90,12 @@ class PageServer:
             timeout_graceful_shutdown=1,
             h11_max_incomplete_event_size=_MOST_HEADER,
         )
-        self._server = uvicorn.Server(config)
-        self._loop = asyncio.new_event_loop()
-        self._thread = threading.Thread(
-            target=self._run, args=(listening,), name='page', daemon=True
+        loop, server = asyncio.new_event_loop(), uvicorn.Server(config)
+        thread = threading.Thread(
+            target=_serve, args=(loop, server, listening), name='page', daemon=True
         )
-        self._thread.start()
-
-    def _run(self, listening: socket.socket) -> None:
-        asyncio.set_event_loop(self._loop)
-        try:
-            self._loop.run_until_complete(self._server.serve(sockets=[listening]))
-        finally:
-            listening.close()
-            self._loop.close()
+        self._running = _Running(loop, server, thread)
+        thread.start()
 
     def publish(self, messages: Mapping[str, bytes]) -> None:
         """Hand messages, by kind, to all pages that are open; returns at once."""
@@ -103,18 +103,31 @@ class PageServer:
 
     def close(self) -> None:
         """Leave all clients, and end the thread."""
-        if self._server is None:
+        if self._running is None:
             return
-        self._server.should_exit = True
+        self._running.server.should_exit = True
         self._call(self._application.close)
-        self._thread.join(_JOIN_SECONDS)
+        self._running.thread.join(_JOIN_SECONDS)
 
     def _call(self, function: Callable[..., None], *arguments: Any) -> None:
+        if self._running is None:
+            return
         try:
-            self._loop.call_soon_threadsafe(function, *arguments)
+            self._running.loop.call_soon_threadsafe(function, *arguments)
         except RuntimeError:
             # The loop has ended: nobody is there to be told.
             return
+
+
+def _serve(
+    loop: asyncio.AbstractEventLoop, server: uvicorn.Server, listening: socket.socket
+) -> None:
+    asyncio.set_event_loop(loop)
+    try:
+        loop.run_until_complete(server.serve(sockets=[listening]))
+    finally:
+        listening.close()
+        loop.close()
 
 
 def _listen(host: str, port: int) -> socket.socket:
@@ -144,7 +157,7 @@ def _protocol(application: Application) -> type[H11Protocol]:
     connections: dict[H11Protocol, tuple[asyncio.Transport, asyncio.TimerHandle]] = {}
 
     class BoundedProtocol(H11Protocol):
-        def connection_made(self, transport: asyncio.Transport) -> None:
+        def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
             super().connection_made(transport)
             if len(connections) >= MOST_CONNECTIONS:
                 for other, (oldest, timer) in connections.items():

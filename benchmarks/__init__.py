@@ -15,6 +15,7 @@ BENCHMARKS = {
     'rules': 'Judging by rules beside a decision tree of scikit-learn.',
     'monitor': 'The monitor beside a bare relay; takes 4 minutes.',
     'watch': 'The live view of five robots beside a bare listener.',
+    'dashboard': 'The page of twenty robots beside a bare listener.',
     'record': 'What a killed recorder of 200 topics loses; takes 5 minutes.',
     'incidents': 'The event_recorder at 60 topics and 20 MB/s, and the monitor beside it.',
     'events': 'What an event store of 10^5 events loses by 50 kills; takes 3 minutes.',

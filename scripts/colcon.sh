@@ -39,7 +39,7 @@ if ! colcon build --event-handlers console_direct-; then
   fail "the build failed, see above."
 fi
 prefix=$PWD/install/occ_constraints_pkg
-for name in occ sim policy recorder player tree_learner monitor gate constrained_learner; do
+for name in occ sim policy recorder player tree_learner monitor gate constrained_learner dashboard; do
   [ -x "$prefix/lib/occ_constraints_pkg/$name" ] || fail "lib/occ_constraints_pkg/$name is missing."
 done
 for path in "$root"/src/occ_constraints_pkg/{package.xml,launch/*.py,config/*}; do

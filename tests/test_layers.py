@@ -16,6 +16,7 @@ ROOT = 'occ_constraints_pkg'
 # Every arrow there is: which package imports which others, besides itself and the ground.
 ARROWS = {
     'rules': set(),
+    'web': set(),
     'worlds': set(),
     'rosbag': set(),
     'learning': {'rules'},
@@ -25,23 +26,27 @@ ARROWS = {
     'suggestion': {'datasets', 'features', 'rosbag'},
     'checking': {'datasets', 'features', 'learning', 'rosbag', 'rules'},
     'events': {'rules'},
-    'report': {'agents', 'checking', 'learning', 'rules'},
+    'report': {'agents', 'checking', 'learning', 'rules', 'web'},
     'traffic': {'datasets', 'features', 'rosbag', 'rules'},
     'agents': {'worlds', 'features', 'rules'},
-    'ros': {'features'},
+    'ros': {'features', 'rules'},
+    'fleet': {'features', 'ros', 'rules'},
+    'dashboard': {'fleet', 'rules', 'web'},
     'nodes': {
         'agents',
+        'dashboard',
         'datasets',
         'demonstrations',
         'events',
         'features',
+        'fleet',
         'learning',
         'ros',
         'rosbag',
         'rules',
         'worlds',
     },
-    'watch': {'features', 'nodes', 'ros', 'rules'},
+    'watch': {'fleet'},
     'doctor': {'ros'},
     'demo': {
         'agents',
@@ -74,7 +79,7 @@ ARROWS = {
     },
 }
 # Only these, and what starts them, know of ROS.
-WITH_ROS = {'ros', 'nodes', 'watch', 'doctor', 'demo'}
+WITH_ROS = {'ros', 'fleet', 'nodes', 'watch', 'doctor', 'demo'}
 COMMON = {
     'archives',
     'documents',

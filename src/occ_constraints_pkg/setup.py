@@ -18,6 +18,7 @@ NODES = (
     'gate',
     'event_recorder',
     'constrained_learner',
+    'dashboard',
 )
 
 # colcon may run this file from another directory, but always with the package as working
@@ -46,7 +47,10 @@ setup(
     packages=find_packages(include=[NAME, f'{NAME}.*']),
     package_data={
         NAME: ['py.typed']
-        + [f'**/*.{suffix}' for suffix in ('yaml', 'json', 'xml', 'npz', 'j2', 'css', 'js')],
+        + [
+            f'**/*.{suffix}'
+            for suffix in ('yaml', 'json', 'xml', 'npz', 'j2', 'css', 'js', 'html', 'svg')
+        ],
     },
     zip_safe=False,
     install_requires=[
@@ -66,6 +70,7 @@ setup(
         'test': ['pytest'],
         'ros': ['ros-jazzy-rclpy[fastrtps]>=7.1.4', 'ros-jazzy-common-interfaces', 'pyyaml>=6.0'],
         'train': ['torch>=2.3', 'mujoco>=3.3', 'gymnasium>=1.1', 'highway-env>=1.12'],
+        'dashboard': ['uvicorn>=0.27', 'h11>=0.14'],
         'report': ['matplotlib>=3.8', 'textual>=1.0'],
         'dev': [
             'pytest>=8',

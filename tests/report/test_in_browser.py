@@ -204,7 +204,7 @@ def test_nothing_that_a_file_brings_is_executed(open_page):
     assert tab.title() == HOSTILE
     tab.wait_for_selector('[data-violation]')
     # The programs of the page and its data, and no more; and no picture but ours.
-    assert tab.locator('script').count() == 3
+    assert tab.locator('script').count() == 4
     assert tab.locator('img:not([src^="data:image/png"])').count() == 0
     assert HOSTILE in tab.locator('h1').inner_text()
     assert '49' not in tab.locator('h1').inner_text()

@@ -31,6 +31,7 @@ NODES = (
     'gate',
     'event_recorder',
     'constrained_learner',
+    'dashboard',
 )
 # Where the module is not of the node's name.
 _MODULES = {'monitor': 'monitor.node', 'event_recorder': 'event_recorder.node'}

@@ -13,14 +13,14 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Twist, TwistStamped, Vector3
 
 from occ_constraints_pkg.errors import ConfigurationError
-from occ_constraints_pkg.nodes.monitor.diagnostics import (
+from occ_constraints_pkg.ros.clocks import with_source_time
+from occ_constraints_pkg.ros.diagnostics import (
     hardware_id_of,
     read_judged_at,
     read_verdict,
     status,
     violated_rule_ids,
 )
-from occ_constraints_pkg.ros.clocks import with_source_time
 from occ_constraints_pkg.ros.messages import to_nanoseconds
 from occ_constraints_pkg.ros.node import OccNode
 from occ_constraints_pkg.ros.process import run_node

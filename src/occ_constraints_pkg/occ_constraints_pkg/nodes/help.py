@@ -42,6 +42,10 @@ _TOPICS = {
         'subscribes': 'observation, costs, action',
         'publishes': 'action, training',
     },
+    'dashboard': {
+        'subscribes': 'violation, features, rules, rule_stats and events of all namespaces, '
+        '~/state of gates, /diagnostics',
+    },
 }
 
 

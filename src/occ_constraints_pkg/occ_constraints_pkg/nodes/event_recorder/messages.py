@@ -20,7 +20,7 @@ from occ_constraints_pkg.events.derivation import RuleSample, Sample
 from occ_constraints_pkg.events.offline import bounds_of, nearest_rule
 from occ_constraints_pkg.events.stops import GateSample
 from occ_constraints_pkg.features.table import Table
-from occ_constraints_pkg.nodes.monitor.diagnostics import RULE_NAME, VERDICT_NAME
+from occ_constraints_pkg.ros.diagnostics import RULE_NAME, VERDICT_NAME
 from occ_constraints_pkg.ros.messages import to_nanoseconds
 from occ_constraints_pkg.rules import RuleSet, Verdict
 from occ_constraints_pkg.rules.listing import read_rules_in_force

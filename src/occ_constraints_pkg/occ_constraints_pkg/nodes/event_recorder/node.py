@@ -20,7 +20,7 @@ from occ_constraints_pkg.events.store import MAX_BYTES, EventStore, default_dire
 from occ_constraints_pkg.nodes.event_recorder.incidents import IncidentRecorder
 from occ_constraints_pkg.nodes.event_recorder.incidents import Settings as RecordingSettings
 from occ_constraints_pkg.nodes.event_recorder.sources import GateSource, Moment, VerdictSource
-from occ_constraints_pkg.nodes.monitor.diagnostics import hardware_id_of, status
+from occ_constraints_pkg.ros.diagnostics import hardware_id_of, status
 from occ_constraints_pkg.ros.node import OccNode
 from occ_constraints_pkg.ros.process import run_node
 from occ_constraints_pkg.ros.qos import STEPS, overridable

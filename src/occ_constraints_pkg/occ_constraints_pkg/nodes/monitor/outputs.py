@@ -20,15 +20,15 @@ from visualization_msgs.msg import MarkerArray
 from occ_constraints_pkg.features.extractor import FeatureRows
 from occ_constraints_pkg.features.table import Table
 from occ_constraints_pkg.features.table_messages import TableSerializer
-from occ_constraints_pkg.nodes.monitor.diagnostics import (
+from occ_constraints_pkg.nodes.monitor.markers import Sector, sector_markers, verdict_markers
+from occ_constraints_pkg.nodes.monitor.state_log import StateLog
+from occ_constraints_pkg.ros.diagnostics import (
     hardware_id_of,
     report_message,
     sensor_status,
     unknown_message,
     violation_message,
 )
-from occ_constraints_pkg.nodes.monitor.markers import Sector, sector_markers, verdict_markers
-from occ_constraints_pkg.nodes.monitor.state_log import StateLog
 from occ_constraints_pkg.ros.node import OccNode
 from occ_constraints_pkg.ros.qos import VERDICTS, overridable
 from occ_constraints_pkg.ros.tables import table_bytes, table_message

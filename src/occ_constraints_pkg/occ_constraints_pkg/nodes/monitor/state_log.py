@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from occ_constraints_pkg.features.extractor import FeatureRows
-from occ_constraints_pkg.nodes.monitor.diagnostics import why_unknown
+from occ_constraints_pkg.ros.diagnostics import why_unknown
 from occ_constraints_pkg.ros.node import OccNode
 from occ_constraints_pkg.rules import Judgement, RuleSet, Verdict
 from occ_constraints_pkg.wording import without_numbers

@@ -14,7 +14,8 @@ from strategies import COARSE, rule_sets
 
 pytest.importorskip('rclpy', reason="needs the extra 'ros'")
 
-from occ_constraints_pkg.nodes.monitor.diagnostics import (
+from occ_constraints_pkg.nodes.monitor.pipeline import foreseen_values
+from occ_constraints_pkg.ros.diagnostics import (
     hardware_id_of,
     read_verdict,
     report_message,
@@ -22,7 +23,6 @@ from occ_constraints_pkg.nodes.monitor.diagnostics import (
     unknown_message,
     violation_message,
 )
-from occ_constraints_pkg.nodes.monitor.pipeline import foreseen_values
 
 
 @given(rule_sets(), st.data())

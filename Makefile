@@ -9,7 +9,7 @@ PYTHON := .venv/bin/python
 SEVERAL := --numprocesses auto --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-numpy1 lint format bench colcon clean
+.PHONY: help setup demo test test-numpy1 lint format bench colcon docs clean
 
 help:  ## show this list
 	@sed -n 's/^\([a-z0-9-]*\):.*  ## \(.*\)/  make \1|\2/p' Makefile | column -t -s '|' 2>/dev/null \
@@ -42,11 +42,14 @@ bench: setup  ## measure training over topics and rule evaluation, as JSON
 	@$(PYTHON) -m benchmarks loop --json
 	@$(PYTHON) -m benchmarks rules --json
 
-colcon: setup  ## build ros2_ws with colcon and start one node out of its install tree
+colcon: setup  ## build ros2_ws with colcon, test the package, start one node out of its install tree
 	@scripts/colcon.sh
 
+docs: setup  ## build the site of the documentation in site/, all links checked
+	@scripts/site.sh
+
 clean:  ## remove environments and everything that was built
-	rm -rf .venv .venv-numpy1 .venv-colcon ros2_ws/build ros2_ws/install ros2_ws/log
+	rm -rf .venv .venv-numpy1 .venv-colcon .venv-site build site ros2_ws/build ros2_ws/install ros2_ws/log
 	rm -rf .pytest_cache .ruff_cache .mypy_cache .hypothesis src/occ_constraints_pkg/build \
 	  src/occ_constraints_pkg/*.egg-info
 	find src tests experiments benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -24,7 +24,7 @@ from geometry_msgs.msg import Twist
 from occ_constraints_pkg.demo.processes import NodeProcess, environment, private_domain
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.features.feature_map import FeatureMap
-from occ_constraints_pkg.nodes.monitor.diagnostics import read_verdict
+from occ_constraints_pkg.ros.diagnostics import read_verdict
 from occ_constraints_pkg.ros.messages import to_time
 from occ_constraints_pkg.ros.qos import COMMANDS, VERDICTS
 from occ_constraints_pkg.rules import Feature, FeatureSpace, Literal, Rule, RuleSet, Verdict

@@ -1,9 +1,9 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""A bare rclpy listener, the peer of the live view in the benchmark ``watch``.
+"""A bare rclpy listener, the peer of the views in the benchmarks ``watch`` and ``dashboard``.
 
 It runs as a process of its own, ``python -m benchmarks.listener --ros-args ...``, and takes the
-verdicts on five robots from an executor, as a node does that is written after the tutorials.
+verdicts on some robots from an executor, as a node does that is written after the tutorials.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
 from rclpy.task import Future
 
-_ROBOTS = 5
 _LOOK_SECONDS = 0.2
 
 
@@ -25,7 +24,8 @@ def main() -> None:
     """Listen until the process is asked to end."""
     rclpy.init(args=['--ros-args', *sys.argv[1:]])
     node = rclpy.create_node('listener')
-    for number in range(1, _ROBOTS + 1):
+    robots = node.declare_parameter('robots', 5).value
+    for number in range(1, robots + 1):
         topic = f'/robot{number}/violation'
         node.create_subscription(DiagnosticArray, topic, lambda message: None, VERDICTS)
     executor = EventsExecutor()

@@ -252,13 +252,13 @@ def _memory_growth(target: _Target, messages: list[bytes], seconds: float) -> fl
     """Return by how many megabytes a node grows from a tenth of the messages to all of them."""
     count = int(_MEMORY_MESSAGES_PER_SECOND * seconds)
     target.traffic.fast(messages, max(1, count // 10), _OUTSTANDING)
-    before = _resident_bytes(target.process.pid)
+    before = resident_bytes(target.process.pid)
     left = count - count // 10
     while left > 0:
         # In parts, for the sender must not remember all of them.
         target.traffic.fast(messages, min(left, 10 * _CHUNK), _OUTSTANDING)
         left -= 10 * _CHUNK
-    return (_resident_bytes(target.process.pid) - before) / 1e6
+    return (resident_bytes(target.process.pid) - before) / 1e6
 
 
 def processor_seconds(pid: int) -> float:
@@ -267,7 +267,7 @@ def processor_seconds(pid: int) -> float:
     return time.clock_gettime((~pid << 3) | _CLOCK_OF_PROCESS)
 
 
-def _resident_bytes(pid: int) -> int:
+def resident_bytes(pid: int) -> int:
     """Return how much memory a process holds (Linux)."""
     pages = Path(f'/proc/{pid}/statm').read_text(encoding='utf-8').split()[1]
     return int(pages) * os.sysconf('SC_PAGE_SIZE')

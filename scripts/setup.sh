@@ -11,7 +11,7 @@ usage() {
   cat <<'END'
 usage: scripts/setup.sh [option ...]
   --venv DIR               the environment, made if absent (default: .venv)
-  --extras LIST            extras of the package (default: ros,train,report,dev; '' for none)
+  --extras LIST            extras of the package (default: ros,train,report,dashboard,dev; '' for none)
   --pins FILE              versions to use (default: requirements/pins.txt)
   --requirements FILE      install exactly this list and not the package
   --system-site-packages   let the environment see the packages of the system's Python
@@ -24,7 +24,7 @@ fail() { echo "setup: $*" >&2; exit 2; }
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 package=$root/src/occ_constraints_pkg
 venv=$root/.venv
-extras=ros,train,report,dev
+extras=ros,train,report,dashboard,dev
 pins=$root/requirements/pins.txt
 requirements=
 venv_options=()

@@ -11,8 +11,8 @@ from occ_constraints_pkg.cli import main
 
 from benchmarks.conditions import machine
 
-# Fixtures of recordings and messages.
-pytest_plugins = ['recordings']
+# Fixtures of recordings and messages, of robots that are watched, of a browser.
+pytest_plugins = ['recordings', 'fleets', 'browsers']
 
 # How long one example takes depends on what else the machine does.
 settings.register_profile('any machine', deadline=None)

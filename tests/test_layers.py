@@ -16,6 +16,7 @@ ROOT = 'occ_constraints_pkg'
 # Every arrow there is: which package imports which others, besides itself and the ground.
 ARROWS = {
     'rules': set(),
+    'web': set(),
     'worlds': set(),
     'rosbag': set(),
     'learning': {'rules'},
@@ -24,22 +25,28 @@ ARROWS = {
     'demonstrations': {'datasets', 'features', 'learning', 'rules'},
     'suggestion': {'datasets', 'features', 'rosbag'},
     'checking': {'datasets', 'features', 'learning', 'rosbag', 'rules'},
-    'report': {'agents', 'checking', 'learning', 'rules'},
+    'events': {'rules'},
+    'report': {'agents', 'checking', 'learning', 'rules', 'web'},
     'traffic': {'datasets', 'features', 'rosbag', 'rules'},
     'agents': {'worlds', 'features', 'rules'},
-    'ros': {'features'},
+    'ros': {'features', 'rules'},
+    'fleet': {'features', 'ros', 'rules'},
+    'dashboard': {'fleet', 'rules', 'web'},
     'nodes': {
         'agents',
+        'dashboard',
         'datasets',
         'demonstrations',
+        'events',
         'features',
+        'fleet',
         'learning',
         'ros',
         'rosbag',
         'rules',
         'worlds',
     },
-    'watch': {'features', 'nodes', 'ros', 'rules'},
+    'watch': {'fleet'},
     'doctor': {'ros'},
     'demo': {
         'agents',
@@ -57,6 +64,7 @@ ARROWS = {
         'datasets',
         'demonstrations',
         'doctor',
+        'events',
         'features',
         'learning',
         'nodes',
@@ -71,7 +79,7 @@ ARROWS = {
     },
 }
 # Only these, and what starts them, know of ROS.
-WITH_ROS = {'ros', 'nodes', 'watch', 'doctor', 'demo'}
+WITH_ROS = {'ros', 'fleet', 'nodes', 'watch', 'doctor', 'demo'}
 COMMON = {
     'archives',
     'documents',

@@ -16,7 +16,9 @@ NODES = (
     'tree_learner',
     'monitor',
     'gate',
+    'event_recorder',
     'constrained_learner',
+    'dashboard',
 )
 
 # colcon may run this file from another directory, but always with the package as working
@@ -45,7 +47,10 @@ setup(
     packages=find_packages(include=[NAME, f'{NAME}.*']),
     package_data={
         NAME: ['py.typed']
-        + [f'**/*.{suffix}' for suffix in ('yaml', 'json', 'xml', 'npz', 'j2', 'css', 'js')],
+        + [
+            f'**/*.{suffix}'
+            for suffix in ('yaml', 'json', 'xml', 'npz', 'j2', 'css', 'js', 'html', 'svg')
+        ],
     },
     zip_safe=False,
     install_requires=[
@@ -54,15 +59,19 @@ setup(
         'ruamel.yaml>=0.17.21',
         'jsonschema>=4.10',
         'click>=8.1.6',
+        'jinja2>=3.1',
         'rosbags>=0.10.9',
         'mcap>=1.5',
         'lz4>=4.0',
         'zstandard>=0.21',
     ],
     extras_require={
+        # colcon runs pytest for a package that asks for it here.
+        'test': ['pytest'],
         'ros': ['ros-jazzy-rclpy[fastrtps]>=7.1.4', 'ros-jazzy-common-interfaces', 'pyyaml>=6.0'],
         'train': ['torch>=2.3', 'mujoco>=3.3', 'gymnasium>=1.1', 'highway-env>=1.12'],
-        'report': ['matplotlib>=3.8', 'jinja2>=3.1', 'textual>=1.0'],
+        'dashboard': ['uvicorn>=0.27', 'h11>=0.14'],
+        'report': ['matplotlib>=3.8', 'textual>=1.0'],
         'dev': [
             'pytest>=8',
             'pytest-timeout>=2.3',

@@ -29,7 +29,7 @@ def dataset(rows, seconds=None, episodes=None, recordings=None):
     return Dataset(
         SPACE.names,
         np.array(rows, dtype=np.float64).reshape(count, 2),
-        np.arange(count) * 10 if times is not None else np.arange(count),
+        np.arange(count) if times is None else times + 10,
         np.zeros(count, dtype=np.int64) if episodes is None else np.array(episodes),
         times_ns=times,
         recordings=np.zeros(count, dtype=np.int64) if recordings is None else np.array(recordings),

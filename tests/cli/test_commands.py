@@ -196,6 +196,7 @@ def test_mistakes_in_training(occ, files, line):
         ('torch', 'train simple_nav -o x', 'train'),
         ('mujoco', 'train PointGoal1 -o x', 'train'),
         ('torch', 'node constrained_learner', 'train'),
+        ('uvicorn', 'node dashboard', 'dashboard'),
         ('rclpy', 'node monitor', 'ros'),
         ('sensor_msgs', 'node sim', 'ros'),
         ('rclpy', 'record -o x', 'ros'),

@@ -35,7 +35,7 @@ def started(monkeypatch):
 def test_record(started):
     line = (
         'record odom scan -o bag -e ^/left --exclude-topic a --exclude-topic b '
-        '-b 1000 -d 2.5 --compression lz4 --use-sim-time'
+        '-b 1000 -d 2.5 --duration 60 --compression lz4 --use-sim-time'
     )
     assert main(line.split()) == 0
     assert started == [
@@ -49,6 +49,7 @@ def test_record(started):
                 'compression': 'lz4',
                 'max_bag_size': 1000,
                 'max_bag_duration': 2.5,
+                'duration': 60.0,
                 'use_sim_time': True,
             },
         )

@@ -136,3 +136,37 @@ def test_a_training_and_an_evaluation(occ, place):
     text = (place / 'scores.html').read_text()
     assert sections(text) == ['evaluation', 'settings']
     assert 'run/policy.npz' in text
+
+
+@pytest.mark.parametrize(
+    ('name', 'text', 'words'),
+    [
+        ('summary.json', '{"settings": 3}', 'settings: got 3; allowed are names and values'),
+        ('summary.json', '[1]', 'allowed is a JSON object'),
+        ('curves.png', 'not a picture', 'curves.png is damaged: it is no PNG'),
+        ('constraints.yaml', '', 'allowed is a mapping of keys'),
+    ],
+)
+def test_a_damaged_training_is_told_in_one_sentence(occ, place, name, text, words):
+    pytest.importorskip('torch')
+    write_training(place / 'run')
+    (place / 'run' / name).write_text(text)
+    code, out, err = occ('report --training run')
+    assert (code, out) == (2, '')
+    assert words in err
+    assert err.count('\n') == 1
+
+
+def test_a_limit_of_cost_that_is_no_number_is_shown_as_it_is(occ, place):
+    pytest.importorskip('torch')
+    write_training(place / 'run')
+    (place / 'run' / 'summary.json').write_text('{"settings": {"cost_limit": "<b>"}}')
+    assert occ('report --training run')[0] == 0
+    assert '&lt;b&gt; allowed' in (place / 'report.html').read_text()
+
+
+def write_training(folder):
+    """Write the metrics of a training of one update."""
+    folder.mkdir()
+    line = {'updates': 1, 'steps': 512, 'mean_return': 1.0, 'mean_cost': 2.0, 'multiplier': 0.5}
+    (folder / 'metrics.jsonl').write_text(json.dumps(line) + '\n')

@@ -87,7 +87,7 @@ def test_installs_once_and_then_returns_at_once(sandbox):
     first = sandbox.run()
     assert first.returncode == 0, first.stderr
     assert sandbox.calls()[0] == 'venv'
-    assert sandbox.calls()[-1].endswith('src/occ_constraints_pkg[ros,train,report,dev]')
+    assert sandbox.calls()[-1].endswith('src/occ_constraints_pkg[ros,train,report,dashboard,dev]')
     second = sandbox.run()
     assert (second.returncode, second.stdout, sandbox.calls()) == (0, '', [])
 

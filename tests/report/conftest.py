@@ -1,35 +1,10 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""A browser for the tests of pages, and recordings to show in it."""
-
-import os
-import shutil
+"""Pages in a browser, and recordings to show in them."""
 
 import numpy as np
 import pytest
 from occ_constraints_pkg.rules import Feature, FeatureSpace, Literal, Rule, RuleSet
-
-# Without this variable, a machine without a browser skips the tests that need one.
-REQUIRED = 'OCC_REQUIRE_BROWSER'
-
-
-@pytest.fixture(scope='session')
-def browser():
-    """Yield Debian's Chromium, one for all tests."""
-    path = shutil.which('chromium') or shutil.which('chromium-browser')
-    try:
-        from playwright.sync_api import sync_playwright
-    except ModuleNotFoundError:
-        sync_playwright = None
-    missing = 'playwright' if sync_playwright is None else '' if path else 'Chromium'
-    if missing:
-        if os.environ.get(REQUIRED) == '1':
-            pytest.fail(f'{missing} is not installed, and {REQUIRED}=1 requires it')
-        pytest.skip(f'{missing} is not installed')
-    with sync_playwright() as playwright:
-        launched = playwright.chromium.launch(executable_path=path, args=['--no-sandbox'])
-        yield launched
-        launched.close()
 
 
 @pytest.fixture

@@ -117,6 +117,21 @@ def test_every_violation_is_listed_and_shown_against_its_bound(open_page, rule_s
     assert f'Violation {number - 1} of {number}' in detail.inner_text()
 
 
+def test_the_episode_is_told_even_if_only_one_violates(open_page, rule_set):
+    data = drives(rule_set).data
+    values = data.values.copy()
+    values[data.episodes == 0] = [0.5, 2.0, 2.2]
+    one = replace(
+        data, values=values, recordings=np.zeros_like(data.episodes), sources=data.sources[:1]
+    )
+    timeline = check_data(one, rule_set)
+    assert {item.episode for item in timeline.violations} == {1}
+    tab = open_page(page_of(rule_set, timeline))
+    tab.locator('[data-violation]').first.wait_for()
+    assert 'episode' in tab.locator('[data-list="0"] th').all_inner_texts()
+    assert tab.locator('[data-violation] td').nth(3).inner_text() == '1'
+
+
 def tried(rule_set, place, literal, bound):
     """Return the rule set with another bound."""
     rule = rule_set.rules[place]
@@ -189,7 +204,7 @@ def test_nothing_that_a_file_brings_is_executed(open_page):
     assert tab.title() == HOSTILE
     tab.wait_for_selector('[data-violation]')
     # The programs of the page and its data, and no more; and no picture but ours.
-    assert tab.locator('script').count() == 3
+    assert tab.locator('script').count() == 4
     assert tab.locator('img:not([src^="data:image/png"])').count() == 0
     assert HOSTILE in tab.locator('h1').inner_text()
     assert '49' not in tab.locator('h1').inner_text()

@@ -3,6 +3,7 @@
 """Nodes as real processes, each test in a ROS domain of its own, on this machine only."""
 
 import signal
+import time
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -10,9 +11,13 @@ import numpy as np
 import pytest
 from occ_constraints_pkg.demo.processes import NodeProcess, private_domain
 from occ_constraints_pkg.features.feature_map import load_feature_map
+from occ_constraints_pkg.features.table import Table
 from occ_constraints_pkg.rules import Literal, Rule, RuleSet
 from occ_constraints_pkg.rules.constraints_file import Constraints
 from synthetic_bags import write_drive
+
+# How long robots wait for what is wanted of who watches them.
+_PATIENCE = 60.0
 
 
 class Nodes:
@@ -141,3 +146,37 @@ def trigger(observer):
 def small_bag(tmp_path_factory) -> Path:
     """Return a bag with observations of simple_nav, written without ROS."""
     return write_drive(tmp_path_factory.mktemp('bags') / 'small', robots=3, steps=40)
+
+
+@pytest.fixture
+def rules(tmp_path, rules_of):
+    """Return a file of rules about x and y, for what watches."""
+    path = tmp_path / 'rules.yaml'
+    rules_of['simple_nav'].save(path)
+    return path
+
+
+@pytest.fixture
+def robots(observer):
+    """Return a function that lets robots be somewhere, until something is as wanted."""
+    from occ_constraints_pkg.ros.qos import STEPS
+    from occ_constraints_pkg.ros.tables import table_bytes
+    from sensor_msgs.msg import PointCloud2
+
+    publishers = {}
+
+    def send_until(condition, **places):
+        for name in places:
+            if name not in publishers:
+                publishers[name] = observer.node.create_publisher(
+                    PointCloud2, f'/{name}/observation', STEPS
+                )
+        end = time.monotonic() + _PATIENCE
+        while not condition():
+            assert time.monotonic() < end, 'nothing came of waiting'
+            for name, place in places.items():
+                table = Table(('x', 'y'), np.array([place]))
+                publishers[name].publish(table_bytes(table, time.time_ns(), 'simple_nav'))
+            observer.spin(0.02)
+
+    return send_until

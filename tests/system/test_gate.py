@@ -155,7 +155,7 @@ class Verdicts:
     def message(self, letter='S', stamp_ns=None, judged_ns=None):
         """Return a verdict: S, V or U; stamped now unless told otherwise."""
         from diagnostic_msgs.msg import DiagnosticArray
-        from occ_constraints_pkg.nodes.monitor.diagnostics import status
+        from occ_constraints_pkg.ros.diagnostics import status
         from occ_constraints_pkg.ros.messages import to_time
 
         level, text = {

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from occ_constraints_pkg.features.table import Table
 from occ_constraints_pkg.rules.constraints_file import load_constraints, parse_constraints
+from synthetic_bags import write_drive
 
 COLUMNS = ('x', 'y', 'reward', 'terminated', 'truncated', 'episode', 'true_cost')
 
@@ -51,6 +52,16 @@ def test_a_monitor_that_starts_later_uses_the_rules_learned_from_a_bag(
     expected = learned.rule_set.judge(rows.astype(np.float32).astype(np.float64)).cost
     np.testing.assert_array_equal(cost, expected)
     assert 0 < expected.sum() < 200
+
+
+def test_in_a_namespace_it_learns_from_bags_of_that_namespace(nodes, observer, tmp_path):
+    bag = write_drive(tmp_path / 'bag', robots=3, steps=40, topic='/r1/observation')
+    rules = nodes.folder / 'rules.yaml'
+    nodes.start(
+        'tree_learner', namespace='/r1', bags=str(bag), feature_map='simple_nav', output=rules
+    )
+    observer.spin_until(rules.is_file)
+    assert load_constraints(rules).feature_map['pace'] == 'observation'
 
 
 def test_learns_from_live_topics_when_asked(nodes, observer, drive, trigger):

@@ -33,6 +33,7 @@ def test_all_nodes_end_cleanly_while_they_wait_for_peers(
         'monitor': {'constraints_file': rules},
         'gate': {},
         'constrained_learner': {'output': nodes.folder / 'training'},
+        'dashboard': {'port': 0},
     }
     assert set(parameters) == set(NODES)
     for name, values in parameters.items():

@@ -100,7 +100,15 @@ MISTAKES = {
     f'monitor -p {QOS}.depth:=-1': 'got -1; allowed is a whole number from 1',
     f'monitor -p {QOS}.depth:=4294967296': 'allowed is a whole number from 1',
     f'monitor -p {QOS}.depth:=x': "got 'x'; allowed is a whole number from 1",
-    f'monitor -p {QOS}.durability:=transient_local': "durability'; allowed are the policies",
+    f'monitor -p {QOS}.lifespan:=1': "lifespan'; allowed are the policies history, reliability",
+    f'monitor -p {QOS}.durability:=local': "got 'local'; allowed are volatile, transient_local",
+    f'monitor -p {QOS}.deadline:=-1': 'got -1; allowed is a whole number of ns from 0',
+    f'monitor -p {QOS}.deadline:=1.5': 'got 1.5; allowed is a whole number of ns from 0',
+    f'monitor -p {QOS}.liveliness:=manual_by_node': 'allowed are automatic, manual_by_topic',
+    f'monitor -p {QOS}.deadlin:=1': "did you mean 'deadline'?",
+    'gate -p qos_overrides./cmd_vel_in.subscription.deadline:=1': (
+        "deadline'; allowed are the policies history, reliability, depth"
+    ),
     f'monitor -p {QOS}.dept:=5': "did you mean 'depth'?",
     'monitor -p qos_overrides./violatio.publisher.depth:=5': "'qos_overrides./violation.publ",
     f'gate -p {QOS}.depth:=5': "no parameter 'qos_overrides./violation.publisher.depth'",

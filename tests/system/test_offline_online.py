@@ -7,10 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from occ_constraints_pkg.checking.timeline import check_data
 from occ_constraints_pkg.datasets.extraction import extract, rows_of
 from occ_constraints_pkg.datasets.reading import read_for_rules
 from occ_constraints_pkg.demonstrations.learning import learn_from_files
 from occ_constraints_pkg.documents import parse_yaml
+from occ_constraints_pkg.events.event import Event
 from occ_constraints_pkg.features.extractor import FeatureExtractor
 from occ_constraints_pkg.features.feature_map import FeatureMap
 from occ_constraints_pkg.features.table import Table
@@ -33,6 +35,7 @@ class LockStep:
         from occ_constraints_pkg.ros.qos import STEPS
         from rosgraph_msgs.msg import Clock
         from sensor_msgs.msg import PointCloud2
+        from std_msgs.msg import String
         from std_srvs.srv import SetBool
 
         self.rules = nodes.folder / 'rules.yaml'
@@ -46,9 +49,11 @@ class LockStep:
         self.monitor = nodes.start(
             'monitor', constraints_file=self.rules, timeout=60.0, use_sim_time=True, **reliable
         )
+        nodes.start('event_recorder', store=nodes.folder / 'store')
         self.observer = Listener(nodes.domain)
-        self.costs, self.violations = [], []
+        self.costs, self.violations, self.told = [], [], []
         node = self.observer.node
+        node.create_subscription(String, 'events', self.told.append, STEPS)
         node.create_subscription(PointCloud2, 'costs', self.costs.append, STEPS)
         node.create_subscription(DiagnosticArray, 'violation', self.violations.append, STEPS)
         self.clock = node.create_publisher(Clock, '/clock', STEPS)
@@ -69,6 +74,8 @@ class LockStep:
         }
         everything = [*publishers.values(), self.clock]
         observer.spin_until(lambda: all(p.get_subscription_count() for p in everything))
+        observer.spin_until(lambda: node.count_publishers('events') == 1)
+        observer.spin_until(lambda: 'event_recorder' in subscribers_of(node, 'violation'))
         observer.wait_for_monitor(2)
         # Answered, so the monitor has found this client, and we the monitor's topics.
         observer.call(SetBool, 'monitor/enable', data=True)
@@ -81,6 +88,29 @@ class LockStep:
             answer = self.done.call_async(SetBool.Request(data=True))
             observer.spin_until_done(answer)
             assert answer.result().success
+
+    def events(self):
+        """Return all events once the last one is over."""
+        newest = {}
+
+        def are_over():
+            for message in self.told:
+                event, _ = Event.from_json(message.data)
+                newest[event.id] = event
+            self.told.clear()
+            is_silent = [
+                item for item in newest.values() if item.reason.startswith('no verdict for')
+            ]
+            return is_silent and all(
+                item.ended is not None for item in newest.values() if item not in is_silent
+            )
+
+        self.observer.spin_until(are_over)
+        return [item for item in newest.values() if not item.reason.startswith('no verdict')]
+
+
+def subscribers_of(node, topic):
+    return [item.node_name for item in node.get_subscriptions_info_by_topic(f'/{topic}')]
 
 
 @pytest.fixture
@@ -160,7 +190,28 @@ def check(lock_step, bag, feature_map, contamination=0.2):
             rule_set.rules[place].id: repr(float(margins[place]))
             for place in rule_set.violated_rules(sample)
         }
+    check_events(player.events(), data, rule_set)
     return judgement, data
+
+
+def check_events(events, data, rule_set):
+    """Compare the recorded events with the intervals of ``occ check``, one for one."""
+    line = check_data(data, rule_set)
+
+    def told(interval):
+        stamps = data.stamps_ns[interval.samples]
+        return int(stamps[0]), int(stamps[-1])
+
+    assert sorted(
+        (item.rule, item.stamps.began, item.stamps.last, item.stamps.worst, item.margin)
+        for item in events
+        if item.kind == 'violation'
+    ) == sorted(
+        (rule_set.rules[item.rule].id, *told(item), int(data.stamps_ns[item.worst]), item.margin)
+        for item in line.violations
+    )
+    unknown = [item.stamps for item in events if item.kind == 'unknown']
+    assert sorted((item.began, item.last) for item in unknown) == sorted(map(told, line.unknown))
 
 
 @pytest.mark.parametrize(

@@ -85,3 +85,28 @@ def test_a_recorder_of_many_topics_loses_next_to_nothing(tmp_path, number):
 
 def information(bag):
     return YAML(typ='safe').load(bag / 'metadata.yaml')['rosbag2_bagfile_information']
+
+
+def test_the_duration_counts_from_the_first_message(nodes, observer):
+    from rclpy.clock import Clock, ClockType
+    from std_msgs.msg import String
+
+    bag, steady = nodes.folder / 'bag', Clock(clock_type=ClockType.STEADY_TIME)
+    recorder = nodes.start('recorder', output=bag, duration=1.0)
+    observer.spin_until(lambda: 'recording' in recorder.log.read_text())
+    # Nothing has come so far, for longer than the duration.
+    observer.spin(1.5)
+    assert recorder.is_running
+    publisher = observer.node.create_publisher(String, 'late', 10)
+    observer.spin_until(lambda: publisher.get_subscription_count() == 1)
+    first = steady.now()
+
+    def publish():
+        publisher.publish(String(data='late'))
+        return not recorder.is_running
+
+    observer.spin_until(publish)
+    assert (steady.now() - first).nanoseconds > 0.9e9
+    assert recorder.join() == 0
+    assert 'ending, 1 s after the first message' in recorder.log.read_text()
+    assert Recording(bag).topics['/late'].count > 0

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Robot 0 of a simulation as the messages of a real robot, and driven as one."""
 
+from importlib.util import find_spec
+
 import numpy as np
 import pytest
 from occ_constraints_pkg.features.table import Table
@@ -14,6 +16,7 @@ KINDS = ('goal', 'hazards', 'vases')
 @pytest.fixture
 def heard(observer):
     """Return by topic what the observer hears, each by its stamp."""
+    from geometry_msgs.msg import TransformStamped
     from nav_msgs.msg import Odometry
     from occ_constraints_pkg.ros.messages import to_nanoseconds
     from occ_constraints_pkg.ros.qos import STEPS
@@ -21,6 +24,8 @@ def heard(observer):
     from visualization_msgs.msg import MarkerArray
 
     topics = {'observation': PointCloud2, 'odom': Odometry, 'imu': Imu, 'scene': MarkerArray}
+    if find_spec('tf2_msgs') is None:
+        topics['transform'] = TransformStamped
     topics |= {f'scan/{kind}': LaserScan for kind in KINDS}
     heard = {topic: {} for topic in topics}
     for topic, kind in topics.items():
@@ -79,6 +84,22 @@ def test_typed_sensors_say_what_the_observation_says(nodes, observer, heard):
             expected = np.where(lidar > 0, 3 * (1 - lidar), np.inf)
             # Bin 12 begins at -y of the body, which is straight ahead, and so the middle beam.
             np.testing.assert_allclose(ranges, np.roll(expected, -4), atol=1e-5)
+        for covariance in (
+            odom.pose.covariance,
+            odom.twist.covariance,
+            imu.orientation_covariance,
+            imu.angular_velocity_covariance,
+            imu.linear_acceleration_covariance,
+        ):
+            size = round(len(covariance) ** 0.5)
+            # A filter can invert it, and believes it.
+            assert (np.linalg.eigvalsh(covariance.reshape(size, size)) > 1e-9).all()
+        if 'transform' in heard:
+            transform = heard['transform'][stamp]
+            assert (transform.header.frame_id, transform.child_frame_id) == ('odom', 'base_link')
+            position, place = odom.pose.pose.position, transform.transform.translation
+            assert (place.x, place.y, place.z) == (position.x, position.y, position.z)
+            assert transform.transform.rotation == odom.pose.pose.orientation
         markers = heard['scene'][stamp].markers
         kinds = [marker.ns for marker in markers]
         assert kinds == ['goal', *['hazard'] * 8, 'vase', 'robot']
@@ -111,3 +132,45 @@ def test_a_velocity_command_drives_until_it_is_missed(nodes, observer, heard):
     observer.spin_until(lambda: abs(speed()) < 0.1)
     log = nodes.started[0].log.read_text()
     assert 'cmd_vel ignored: a Twist asks for linear.x = nan' in log
+
+
+MAP = """
+schema_version: 1
+pace: odom
+max_age: 0.5
+features:
+- {name: v, topic: odom, field: twist.twist.linear.x, unit: m/s, bounds: [-10, 10]}
+- {name: near, topic: scan/hazards, field: ranges, reduce: min, missing: max_range, unit: m, bounds: [0, 5]}
+"""  # noqa: E501
+
+
+@pytest.fixture
+def sensor_rules(tmp_path):
+    """Rules about the messages of a real robot, which hold for hardly any state."""
+    from occ_constraints_pkg.features.feature_map import load_feature_map
+    from occ_constraints_pkg.rules import Literal, Rule, RuleSet
+    from occ_constraints_pkg.rules.constraints_file import Constraints
+
+    (tmp_path / 'map.yaml').write_text(MAP)
+    feature_map = load_feature_map(tmp_path / 'map.yaml')
+    rule = Rule('R0', (Literal(0, '>', 9.0),))
+    rule_set = RuleSet(feature_map.space, (rule,), np.array([[-1.0, 9.0], [0.0, 5.0]]))
+    Constraints(rule_set, feature_map.to_document()).save(tmp_path / 'rules.yaml')
+    return tmp_path / 'rules.yaml'
+
+
+@pytest.mark.parametrize('rate', [0.0, 20.0])
+def test_a_monitor_with_defaults_accepts_the_stamps(nodes, observer, sensor_rules, rate):
+    from diagnostic_msgs.msg import DiagnosticArray
+
+    # At full speed, 20 s of simulation take less than a second; at 20 Hz, 20 s take 50 s.
+    verdicts = []
+    observer.node.create_subscription(
+        DiagnosticArray, 'violation', lambda message: verdicts.append(message.status[0]), 100
+    )
+    nodes.start('monitor', constraints_file=sensor_rules)
+    nodes.start('policy', policy='expert')
+    nodes.start('sim', world='PointGoal1', rate=rate)
+    observer.spin_until(lambda: len(verdicts) > (3000 if rate == 0.0 else 60))
+    later = verdicts[len(verdicts) // 2 :]
+    assert {item.message.partition(':')[0] for item in later} == {'SAFE'}

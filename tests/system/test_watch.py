@@ -8,50 +8,14 @@ import subprocess
 import sys
 import time
 
-import numpy as np
 import pytest
 from occ_constraints_pkg.demo.processes import environment
-from occ_constraints_pkg.features.table import Table
 
 from benchmarks.terminal import TerminalProcess
 
 WATCH = [sys.executable, '-m', 'occ_constraints_pkg', 'watch']
 SAFE, BROKEN = (0.8, 0.5), (0.8, 0.96)
 _PATIENCE = 60.0
-
-
-@pytest.fixture
-def rules(tmp_path, rules_of):
-    """Return a file of rules about x and y."""
-    path = tmp_path / 'rules.yaml'
-    rules_of['simple_nav'].save(path)
-    return path
-
-
-@pytest.fixture
-def robots(observer):
-    """Return a function that lets robots be somewhere, until something is as wanted."""
-    from occ_constraints_pkg.ros.qos import STEPS
-    from occ_constraints_pkg.ros.tables import table_bytes
-    from sensor_msgs.msg import PointCloud2
-
-    publishers = {}
-
-    def send_until(condition, **places):
-        for name in places:
-            if name not in publishers:
-                publishers[name] = observer.node.create_publisher(
-                    PointCloud2, f'/{name}/observation', STEPS
-                )
-        end = time.monotonic() + _PATIENCE
-        while not condition():
-            assert time.monotonic() < end, 'nothing came of waiting'
-            for name, place in places.items():
-                table = Table(('x', 'y'), np.array([place]))
-                publishers[name].publish(table_bytes(table, time.time_ns(), 'simple_nav'))
-            observer.spin(0.02)
-
-    return send_until
 
 
 @pytest.fixture

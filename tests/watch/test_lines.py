@@ -8,9 +8,9 @@ import time
 
 import pytest
 from occ_constraints_pkg.errors import MissingDependencyError
+from occ_constraints_pkg.fleet.model import Change
 from occ_constraints_pkg.stopping import stop_request
 from occ_constraints_pkg.watch.lines import document_of, follow, is_plain, line_of
-from occ_constraints_pkg.watch.model import Change
 
 ABLE = {'TERM': 'xterm-256color'}
 

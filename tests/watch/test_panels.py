@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 import pytest
+from occ_constraints_pkg.fleet.model import GateReport, MonitorReport
 from occ_constraints_pkg.rules import Feature, FeatureSpace, Literal, Rule, RuleSet
 from occ_constraints_pkg.rules.listing import rules_in_force_text
-from occ_constraints_pkg.watch.model import GateReport
 from occ_constraints_pkg.watch.panels import (
     change_lines,
     cut,
@@ -113,7 +113,7 @@ def test_every_line_fits(fleet, known, report, width, height):
 
 
 def test_text_of_others_cannot_control_the_terminal(fleet, known):
-    known.hear_idle('\x1b[2Jgone', 300.0)
+    known.hear_monitor(MonitorReport('\x1b[2Jgone'), 300.0)
     fleet.note(100.0, '/evil\x1b[2J', 'failed', '\x1b]0;x\x07')
     lines = text(change_lines(fleet, 200, 20, 100.0))
     assert not any('\x1b' in line or '\x07' in line for line in lines)

@@ -2,140 +2,96 @@
 # SPDX-License-Identifier: Apache-2.0
 """Record demonstrations in a simulated world for a while, then learn their rules from the bag."""
 
-import signal
+from pathlib import Path
 
-from launch import LaunchDescription
-from launch.actions import (
-    DeclareLaunchArgument,
-    EmitEvent,
-    GroupAction,
-    IncludeLaunchDescription,
-    RegisterEventHandler,
-    TimerAction,
+from launch import LaunchDescription, LaunchDescriptionEntity
+from occ_constraints_pkg.errors import ConfigurationError
+from occ_constraints_pkg.ros.launching import (
+    COMMON,
+    Argument,
+    Values,
+    description,
+    include,
+    node,
 )
-from launch.event_handlers import OnProcessExit
-from launch.events import matches_action
-from launch.events.process import SignalProcess
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution, ThisLaunchFileDir
-from launch_ros.actions import Node, PushROSNamespace
-from launch_ros.parameter_descriptions import ParameterValue
-from launch_ros.substitutions import FindPackageShare
 
-PACKAGE = 'occ_constraints_pkg'
+ARGUMENTS = (
+    *COMMON,
+    Argument('bag', 'Folder of the bag to record; it must not exist yet.', 'path', None),
+    Argument('feature_map', 'Feature map, a YAML file or a built-in name.', 'path', None),
+    Argument('constraints_file', 'Constraints file to write.', 'path', None),
+    Argument('duration', 'Seconds to record, from the first message.', 'seconds', '60.0'),
+    Argument('topics', 'Topics to record, separated by commas; empty: all.', 'texts'),
+    Argument(
+        'world',
+        'World to simulate, such as simple_nav, PointGoal1 or CarPush1.',
+        default='PointGoal1',
+        parameter='sim.world',
+    ),
+    Argument(
+        'num_robots',
+        'Number of robots to record.',
+        'count',
+        default='16',
+        parameter='sim.num_robots',
+    ),
+    Argument('seed', 'Seed of the world and of the policy.', 'count'),
+    Argument(
+        'policy',
+        'What demonstrates: expert, or a policy file (.npz).',
+        default='expert',
+        parameter='policy.policy',
+    ),
+)
+
+
+def check(values: Values) -> None:
+    """Find out now what would fail only once everything is recorded.
+
+    Raises:
+        OccError: something would.
+    """
+    if Path(values['bag']).exists():
+        raise ConfigurationError(f'{values["bag"]} exists already; allowed is a new folder')
+    folder = Path(values['constraints_file']).absolute().parent
+    if not folder.is_dir():
+        raise ConfigurationError(f'there is no folder {folder} to write the constraints file to')
+    try:
+        from occ_constraints_pkg.features.feature_map import load_feature_map
+    except ImportError:
+        # Launch may run outside of the environment that the nodes run in.
+        return
+    load_feature_map(values['feature_map'])
+
+
+def start(values: Values) -> list[LaunchDescriptionEntity]:
+    """Return the simulation and the recorder, which the learner follows."""
+    check(values)
+
+    def learner() -> LaunchDescriptionEntity:
+        return node(
+            'tree_learner',
+            values,
+            {
+                'bags': [values['bag']],
+                'feature_map': values['feature_map'],
+                'output': values['constraints_file'],
+                'exit_when_done': True,
+            },
+        )
+
+    recorder = node(
+        'recorder',
+        values,
+        {'output': values['bag'], 'duration': values['duration'], 'topics': values['topics']},
+        on_success=learner,
+    )
+    handed = (*(item.name for item in COMMON), 'world', 'num_robots', 'seed', 'policy')
+    simulation = Path(__file__).with_name('simulation.launch.py')
+    # It waits for the recorder, too: nothing that is to be recorded is missed.
+    return [include(simulation, values.texts(*handed)), recorder]
 
 
 def generate_launch_description() -> LaunchDescription:
     """Return the description that ROS 2 launch asks for."""
-    namespace = LaunchConfiguration('namespace')
-    params_file = LaunchConfiguration('params_file')
-    log_arguments = ['--ros-args', '--log-level', LaunchConfiguration('log_level')]
-    recorder = Node(
-        package=PACKAGE,
-        executable='recorder',
-        name='recorder',
-        namespace=namespace,
-        output='screen',
-        parameters=[
-            params_file,
-            {'output': ParameterValue(LaunchConfiguration('bag'), value_type=str)},
-        ],
-        arguments=log_arguments,
-    )
-    tree_learner = GroupAction(
-        [
-            PushROSNamespace(namespace),
-            Node(
-                package=PACKAGE,
-                executable='tree_learner',
-                name='tree_learner',
-                output='screen',
-                parameters=[
-                    params_file,
-                    {
-                        # Two brackets: a list of one text, not a text put together from a list.
-                        'bags': [[LaunchConfiguration('bag')]],
-                        'feature_map': ParameterValue(
-                            LaunchConfiguration('feature_map'), value_type=str
-                        ),
-                        'output': ParameterValue(
-                            LaunchConfiguration('constraints_file'), value_type=str
-                        ),
-                    },
-                ],
-                arguments=log_arguments,
-            ),
-        ]
-    )
-    return LaunchDescription(
-        [
-            DeclareLaunchArgument(
-                'namespace', default_value='', description='Namespace of the nodes and topics.'
-            ),
-            DeclareLaunchArgument(
-                'params_file',
-                default_value=PathJoinSubstitution(
-                    [FindPackageShare(PACKAGE), 'config', 'params.yaml']
-                ),
-                description='YAML file with the parameters of the nodes.',
-            ),
-            DeclareLaunchArgument(
-                'bag', description='Folder of the bag to record; it must not exist yet.'
-            ),
-            DeclareLaunchArgument(
-                'feature_map', description='Feature map, a YAML file or a built-in name.'
-            ),
-            DeclareLaunchArgument('constraints_file', description='Constraints file to write.'),
-            DeclareLaunchArgument(
-                'duration', default_value='60.0', description='Seconds to record.'
-            ),
-            DeclareLaunchArgument(
-                'world',
-                default_value='PointGoal1',
-                description='World to simulate, such as simple_nav, PointGoal1 or CarPush1.',
-            ),
-            DeclareLaunchArgument(
-                'num_robots', default_value='16', description='Number of robots to record.'
-            ),
-            DeclareLaunchArgument(
-                'seed', default_value='0', description='Seed of the world and of the policy.'
-            ),
-            DeclareLaunchArgument(
-                'policy',
-                default_value='expert',
-                description='What demonstrates: expert, or a policy file (.npz).',
-            ),
-            DeclareLaunchArgument(
-                'log_level',
-                default_value='info',
-                description='Least level to log: debug, info, warn, error or fatal.',
-            ),
-            IncludeLaunchDescription(
-                PathJoinSubstitution([ThisLaunchFileDir(), 'simulation.launch.py']),
-                launch_arguments={
-                    name: LaunchConfiguration(name)
-                    for name in (
-                        'namespace',
-                        'params_file',
-                        'world',
-                        'num_robots',
-                        'seed',
-                        'policy',
-                        'log_level',
-                    )
-                }.items(),
-            ),
-            recorder,
-            # The recorder closes the bag on SIGINT; the learner must not open it before.
-            TimerAction(
-                period=LaunchConfiguration('duration'),
-                actions=[
-                    EmitEvent(
-                        event=SignalProcess(
-                            signal_number=signal.SIGINT, process_matcher=matches_action(recorder)
-                        )
-                    )
-                ],
-            ),
-            RegisterEventHandler(OnProcessExit(target_action=recorder, on_exit=[tree_learner])),
-        ]
-    )
+    return description(ARGUMENTS, start)

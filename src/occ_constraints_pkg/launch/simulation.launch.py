@@ -2,103 +2,71 @@
 # SPDX-License-Identifier: Apache-2.0
 """Start a simulated world and, unless told otherwise, a policy that drives in it."""
 
-from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, GroupAction
-from launch.conditions import IfCondition
-from launch.substitutions import (
-    LaunchConfiguration,
-    NotEqualsSubstitution,
-    PathJoinSubstitution,
+from launch import LaunchDescription, LaunchDescriptionEntity
+from occ_constraints_pkg.ros.launching import (
+    COMMON,
+    RESPAWN,
+    Argument,
+    Values,
+    description,
+    node,
 )
-from launch_ros.actions import Node, PushROSNamespace
-from launch_ros.parameter_descriptions import ParameterValue
-from launch_ros.substitutions import FindPackageShare
 
-PACKAGE = 'occ_constraints_pkg'
+ARGUMENTS = (
+    *COMMON,
+    RESPAWN,
+    Argument(
+        'world',
+        'World to simulate, such as simple_nav, PointGoal1 or CarPush1.',
+        default='PointGoal1',
+        parameter='sim.world',
+    ),
+    Argument(
+        'num_robots',
+        'Number of robots; each is one row of every table.',
+        'count',
+        default='1',
+        parameter='sim.num_robots',
+    ),
+    Argument('seed', 'Seed of the world and of the policy.', 'count'),
+    Argument(
+        'policy',
+        'What drives: expert, random, a policy file (.npz), or none to leave it to a node '
+        'started elsewhere.',
+        default='expert',
+        parameter='policy.policy',
+    ),
+    Argument(
+        'publish_clock',
+        'Let the sim publish /clock: true or false. Default: with use_sim_time:=true.',
+        'truth',
+    ),
+)
+
+
+def start(values: Values) -> list[LaunchDescriptionEntity]:
+    """Return the sim and perhaps a policy."""
+    clock = values['publish_clock']
+    if clock is None and values['use_sim_time']:
+        clock = True
+    sim = node(
+        'sim',
+        # It makes the time that the others live by.
+        values.but(use_sim_time=None),
+        {
+            'world': values['world'],
+            'seed': values['seed'],
+            'num_robots': values['num_robots'],
+            'publish_clock': clock,
+        },
+        # As navigation stacks do it: the frames of robots in namespaces are told apart by topic.
+        remappings=[('/tf', 'tf')],
+    )
+    if values['policy'] == 'none':
+        return [sim]
+    return [sim, node('policy', values, {'policy': values['policy'], 'seed': values['seed']})]
 
 
 def generate_launch_description() -> LaunchDescription:
     """Return the description that ROS 2 launch asks for."""
-    seed = ParameterValue(LaunchConfiguration('seed'), value_type=int)
-    log_arguments = ['--ros-args', '--log-level', LaunchConfiguration('log_level')]
-    return LaunchDescription(
-        [
-            DeclareLaunchArgument(
-                'namespace', default_value='', description='Namespace of the nodes and topics.'
-            ),
-            DeclareLaunchArgument(
-                'params_file',
-                default_value=PathJoinSubstitution(
-                    [FindPackageShare(PACKAGE), 'config', 'params.yaml']
-                ),
-                description='YAML file with the parameters of the nodes.',
-            ),
-            DeclareLaunchArgument(
-                'world',
-                default_value='PointGoal1',
-                description='World to simulate, such as simple_nav, PointGoal1 or CarPush1.',
-            ),
-            DeclareLaunchArgument(
-                'num_robots',
-                default_value='1',
-                description='Number of robots; each is one row of every table.',
-            ),
-            DeclareLaunchArgument(
-                'seed', default_value='0', description='Seed of the world and of the policy.'
-            ),
-            DeclareLaunchArgument(
-                'policy',
-                default_value='expert',
-                description='What drives: expert, random, a policy file (.npz), or none to leave '
-                'it to a node started elsewhere.',
-            ),
-            DeclareLaunchArgument(
-                'log_level',
-                default_value='info',
-                description='Least level to log: debug, info, warn, error or fatal.',
-            ),
-            GroupAction(
-                [
-                    PushROSNamespace(LaunchConfiguration('namespace')),
-                    Node(
-                        package=PACKAGE,
-                        executable='sim',
-                        name='sim',
-                        output='screen',
-                        parameters=[
-                            LaunchConfiguration('params_file'),
-                            {
-                                'world': ParameterValue(
-                                    LaunchConfiguration('world'), value_type=str
-                                ),
-                                'seed': seed,
-                                'num_robots': ParameterValue(
-                                    LaunchConfiguration('num_robots'), value_type=int
-                                ),
-                            },
-                        ],
-                        arguments=log_arguments,
-                    ),
-                    Node(
-                        package=PACKAGE,
-                        executable='policy',
-                        name='policy',
-                        output='screen',
-                        condition=IfCondition(
-                            NotEqualsSubstitution(LaunchConfiguration('policy'), 'none')
-                        ),
-                        parameters=[
-                            LaunchConfiguration('params_file'),
-                            {
-                                'policy': ParameterValue(
-                                    LaunchConfiguration('policy'), value_type=str
-                                ),
-                                'seed': seed,
-                            },
-                        ],
-                        arguments=log_arguments,
-                    ),
-                ]
-            ),
-        ]
-    )
+    return description(ARGUMENTS, start)

@@ -20,6 +20,8 @@ EXTRAS = {
     'rich': 'report',
     'sklearn': 'dev',
     'pandas': 'dev',
+    'uvicorn': 'dashboard',
+    'h11': 'dashboard',
     'rclpy': 'ros',
 }
 

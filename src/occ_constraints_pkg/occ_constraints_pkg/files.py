@@ -104,6 +104,9 @@ RESULTS = _kind('a file of results (JSON)', rb'\A\s*[{\[]')
 COUNTS = _kind('a file of rule counters', rb'\A\s*\{\s*"format":\s*"occ_constraints counts')
 ARCHIVE = _kind('a saved policy or training', rb'\APK\x03\x04')
 TABLE = _kind('a page of text (Markdown)', rb'\A#\s|^\|[ :|-]*-{3}', head=1 << 16)
+EVENTS = _kind(
+    'a file of events (JSON or CSV)', rb'\A\{\s*"events":|\Anumber,id,kind,', '.json', '.csv'
+)
 # Not every page: one of another program, or written by a person, would be lost. The second name
 # is that of the demo's first pages.
 PAGE = _kind(
@@ -204,7 +207,7 @@ def replacing(path: str | Path, kind: Kind, *, durable: bool = True) -> Iterator
             os.fsync(descriptor)
         os.replace(draft, target)
         if durable:
-            _sync_directory(target.parent)
+            sync_directory(target.parent)
     except OSError as error:
         raise OccError(f'cannot write {path}: {_reason(error)}') from error
     finally:
@@ -293,7 +296,7 @@ class DirectoryLock:
             descriptor = os.open(directory, os.O_RDONLY)
         except OSError as error:
             raise OccError(f'cannot write to {directory}: {error.strerror}') from error
-        weakref.finalize(self, os.close, descriptor)
+        self._close = weakref.finalize(self, os.close, descriptor)
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -304,6 +307,10 @@ class DirectoryLock:
         except OSError:
             # Some network file systems have no locks.
             return
+
+    def release(self) -> None:
+        """Unlock it before the object ends."""
+        self._close()
 
 
 def set_aside(directory: Path) -> Path:
@@ -349,8 +356,8 @@ def _take_after(descriptor: int, target: Path) -> None:
     os.fchmod(descriptor, stat.S_IMODE(old.st_mode))
 
 
-def _sync_directory(directory: Path) -> None:
-    """Sync a renaming to disk."""
+def sync_directory(directory: Path) -> None:
+    """Sync the names in a directory to disk, as after a renaming."""
     descriptor = os.open(directory, os.O_RDONLY | os.O_CLOEXEC)
     try:
         os.fsync(descriptor)

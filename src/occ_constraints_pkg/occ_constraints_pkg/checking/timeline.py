@@ -123,7 +123,8 @@ def make_timeline(
     A violation of a rule begins with a sample on which it is true and ends with the next on which
     it is not, whichever other rules are, and in any case at the end of the episode or after the
     timeout. Two violations of one rule in one episode whose distance is at most ``bridge`` count
-    as one, whatever lies between.
+    as one, whatever lies between. That distance is one of header stamps, so that it is the same
+    when the recording is played; where stamps stand still or go back, of arrivals.
 
     Args:
         rule_set: the rules.
@@ -157,6 +158,32 @@ def make_timeline(
     )
 
 
+def progress(stamps: np.ndarray, arrivals: np.ndarray) -> np.ndarray:
+    """Return how far time has gone on from the first of some samples to each, in ns.
+
+    By their header stamps, which are the same when a recording is played. While these stand still
+    it goes on with the arrivals, and where they go back from there on.
+
+    Args:
+        stamps: (n,) int64, in ns.
+        arrivals: (n,) int64, in ns.
+    """
+    if not len(stamps):
+        return stamps
+    heads = np.flatnonzero(np.append(True, np.diff(stamps) != 0))
+    since = arrivals - np.repeat(arrivals[heads], np.diff(np.append(heads, len(stamps))))
+    # Within each stretch of one stamp, how far arrivals have gone on.
+    for head, end in zip(heads, np.append(heads[1:], len(stamps)), strict=True):
+        if end - head > 1:
+            np.maximum.accumulate(since[head:end], out=since[head:end])
+    stalled = since[heads[1:] - 1]
+    steps = np.diff(stamps[heads])
+    back = stalled + np.maximum(arrivals[heads[1:]] - arrivals[heads[1:] - 1], 0)
+    steps = np.where(steps > 0, np.maximum(steps, stalled), back)
+    begun = np.append(0, np.cumsum(steps))
+    return np.repeat(begun, np.diff(np.append(heads, len(stamps)))) + since
+
+
 class _Clock:
     """When the rows of data begin and how long they are valid."""
 
@@ -173,13 +200,24 @@ class _Clock:
         if data.times_ns is None:
             self.starts = data.stamps_ns.astype(np.float64)
             self.valid_for, self.silence = np.ones(len(data)), np.zeros(len(data))
-            self._bridge = 0.0
+            self._places = (data.stamps_ns, data.stamps_ns + 1, np.ones(len(data), dtype=bool))
+            self._bridge = 0
             return
         self.starts = data.times_ns * 1e-9
         gaps = self._gaps()
         self.valid_for = np.minimum(gaps, timeout)
         self.silence = gaps - self.valid_for
-        self._bridge = bridge
+        self._places = self._stamped(round(timeout * 1e9))
+        self._bridge = round(bridge * 1e9)
+
+    def _stamped(self, timeout_ns: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return by stamps where each row begins and its verdict ends, in ns, and if unbroken."""
+        begins = progress(self._data.stamps_ns[self._order], self._data.times_ns[self._order])
+        steps = np.diff(begins)
+        # What follows the last row of an episode is never asked for.
+        valid = np.minimum(np.append(steps, timeout_ns)[: len(begins)], timeout_ns)
+        unbroken = np.append(valid[:-1] == steps, True)[: len(begins)]
+        return begins[self._rank], (begins + valid)[self._rank], unbroken[self._rank]
 
     def _gaps(self) -> np.ndarray:
         """(n,) seconds from each row to the next of its episode."""
@@ -199,10 +237,9 @@ class _Clock:
         episodes = self._data.episodes
         rows = rows[np.argsort(self._rank[rows])]
         ends = self.starts[rows] + self.valid_for[rows]
-        follows = (self._rank[rows[1:]] == self._rank[rows[:-1]] + 1) & (
-            self.silence[rows[:-1]] == 0.0
-        )
-        is_near = self.starts[rows[1:]] - ends[:-1] <= self._bridge
+        begin, end, unbroken = (column[rows] for column in self._places)
+        follows = (self._rank[rows[1:]] == self._rank[rows[:-1]] + 1) & unbroken[:-1]
+        is_near = begin[1:] - end[:-1] <= self._bridge
         joined = (follows | is_near) & (episodes[rows[1:]] == episodes[rows[:-1]])
         for first, last in _runs(joined, len(rows)):
             samples = rows[first : last + 1]

@@ -33,6 +33,7 @@ from occ_constraints_pkg.rules.rule import Literal, Rule
 from occ_constraints_pkg.rules.ruleset import RuleSet
 from occ_constraints_pkg.rules.space import FeatureSpace
 from occ_constraints_pkg.rules.verdict import Judgement, Verdict
+from occ_constraints_pkg.wording import count_of
 
 ABOVE = 1.5
 """The score from which on a recording stands out, see :class:`Ranked`."""
@@ -221,7 +222,7 @@ def triage(
     """
     if len(units) < LEAST_RECORDINGS:
         raise DataError(
-            f'triage got {len(units)} recordings that can be used; allowed are '
+            f'triage got {count_of(len(units), "recording")} that can be used; allowed are '
             f'{LEAST_RECORDINGS} or more, for each is judged by rules learned from the others'
         )
     table = _Rows(units, space, peaks)

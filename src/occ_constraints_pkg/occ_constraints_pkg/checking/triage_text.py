@@ -35,10 +35,11 @@ def describe_triage(result: Triage, ways: Mapping[str, Way], top: int) -> str:
         top: at least so many are listed.
     """
     others = len(result.ranked) - result.learned_from
+    but = f', but for the {f"{others} " if others > 1 else ""}most suspicious' if others else ''
     lines = [
         f'{count_of(len(result.ranked), "recording")}, each judged by rules learned from the '
-        f'others, but for the {others} most suspicious; {len(result.found)} stand out (score '
-        f'{result.above:g} or more)',
+        f'others{but}; {len(result.found)} {"stands" if len(result.found) == 1 else "stand"} out '
+        f'(score {result.above:g} or more)',
         '   #      score        far   violated    UNKNOWN  recording',
     ]
     shown = max(top, len(result.found))

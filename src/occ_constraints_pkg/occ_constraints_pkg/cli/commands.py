@@ -10,6 +10,7 @@ import occ_constraints_pkg
 from occ_constraints_pkg.cli.common import help_without_command
 from occ_constraints_pkg.cli.comparison import compare
 from occ_constraints_pkg.cli.completion import SHELLS, print_script
+from occ_constraints_pkg.cli.events import events
 from occ_constraints_pkg.cli.learning import learn
 from occ_constraints_pkg.cli.nodes import demo, doctor, node, watch
 from occ_constraints_pkg.cli.recordings import features, import_, info, play, record
@@ -21,7 +22,7 @@ from occ_constraints_pkg.cli.triage import triage
 _GROUPS = {
     'Rules': (learn, show, diff, check, compare, score, prune, simplify, export, report),
     'Recordings': (info, features, record, play, triage, import_),
-    'Nodes': (node, watch, doctor, demo),
+    'Nodes': (node, watch, events, doctor, demo),
     'Simulation': (train, evaluate, drive),
 }
 

@@ -43,6 +43,13 @@ DEFINITIONS = click.option(
 JSON = click.option('--json', 'as_json', is_flag=True, help='Print one JSON object.')
 AT_LEAST_0, AT_LEAST_1 = click.IntRange(min=0), click.IntRange(min=1)
 
+NAMESPACE = click.option(
+    '--namespace',
+    default='',
+    metavar='NAME',
+    help="Robot of the recordings, as robot1: the map's relative topics are below /robot1.",
+)
+
 
 class Seconds(click.FloatRange):
     """A finite time; click's own range lets ``nan`` and ``inf`` pass."""
@@ -100,6 +107,7 @@ def read_data(
     where: str,
     *,
     max_lag: float = 0.0,
+    namespace: str = '',
     provenance: bool = False,
 ) -> Any:
     """Read data to judge, and pass on what was wrong with it; see ``read_for_rules``."""
@@ -107,7 +115,13 @@ def read_data(
 
     with progress_bar('reading') as progress:
         data = read_for_rules(
-            paths, constraints, where, max_lag=max_lag, provenance=provenance, progress=progress
+            paths,
+            constraints,
+            where,
+            max_lag=max_lag,
+            namespace=namespace,
+            provenance=provenance,
+            progress=progress,
         )
     for warning in data.warnings:
         warn(warning)

@@ -14,6 +14,7 @@ from occ_constraints_pkg.cli.common import (
     DEFINITIONS,
     FEATURE_MAP_HELP,
     JSON,
+    NAMESPACE,
     OVERWRITE,
     needed_cost,
     print_json,
@@ -50,6 +51,7 @@ if TYPE_CHECKING:
     shell_complete=feature_maps,
     help=f'{FEATURE_MAP_HELP} Recordings need one.',
 )
+@NAMESPACE
 @click.option(
     '-o',
     '--output',
@@ -111,6 +113,7 @@ if TYPE_CHECKING:
 def learn(
     paths: tuple[str, ...],
     map_name: str | None,
+    namespace: str,
     output: str | None,
     conditions: str | None,
     apart: tuple[str, ...],
@@ -144,6 +147,7 @@ def learn(
         _compare_depths(
             paths,
             map_name,
+            namespace,
             not no_families,
             scored,
             output or 'results',
@@ -174,6 +178,7 @@ def learn(
             false_alarm=false_alarm,
             calibrate_on=calibrate_on,
             families=not no_families,
+            namespace=namespace,
             progress=progress,
             warn=warnings.append,
         )
@@ -192,6 +197,7 @@ def learn(
 def _compare_depths(
     paths: tuple[str, ...],
     map_name: str | None,
+    namespace: str,
     families: bool,
     scored: tuple[str, ...],
     output: str,
@@ -219,14 +225,18 @@ def _compare_depths(
         conditional = conditional.keeping_apart(feature_map.apart)
     truth = None
     with progress_bar('reading') as progress:
-        data, space = read_demonstrations(paths, feature_map, progress=progress)
+        data, space = read_demonstrations(
+            paths, feature_map, namespace=namespace, progress=progress
+        )
     if families and feature_map is None:
         space, sentences = take_families(data, space, settings)
         for sentence in sentences:
             warn(sentence)
     if scored:
         with progress_bar('reading') as progress:
-            judged, _ = read_demonstrations(scored, feature_map, space, progress=progress)
+            judged, _ = read_demonstrations(
+                scored, feature_map, space, namespace=namespace, progress=progress
+            )
         truth = judged.values, needed_cost(judged, scored)
     with progress_bar('depths') as progress:
         results = ablate_depth(

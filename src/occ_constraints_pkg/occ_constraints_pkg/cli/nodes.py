@@ -32,7 +32,7 @@ def node(name: str, arguments: tuple[str, ...]) -> int:
     """Run a ROS 2 node, or describe it: node NAME --help.
 
     What follows its name are ROS arguments. The nodes are sim, policy, recorder, player,
-    tree_learner, monitor, gate and constrained_learner.
+    tree_learner, monitor, gate, event_recorder, constrained_learner and dashboard.
 
     \b
     Example: occ node monitor -p constraints_file:=constraints.yaml -r __ns:=/robot1

@@ -307,6 +307,12 @@ def _bag_options(command: Callable[..., Any]) -> Callable[..., Any]:
     show_default=True,
     help='Seconds after which a new file is begun; 0: never.',
 )
+@click.option(
+    '--duration',
+    default=0.0,
+    show_default=True,
+    help='Seconds from the first message after which recording ends; 0: never.',
+)
 @click.option('--use-sim-time', is_flag=True, help='Stamp messages with the time of /clock.')
 @click.option('-s', '--storage', type=click.Choice(['mcap']), hidden=True, expose_value=False)
 @click.option(
@@ -322,7 +328,7 @@ def record(
     output: str | None,
     **options: Any,
 ) -> int:
-    """Record topics (default: all) to a bag until Ctrl-C.
+    """Record topics (default: all) to a bag until Ctrl-C, or for a time.
 
     \b
     Example: occ record odom scan cmd_vel -o bags/drive_7

@@ -68,6 +68,8 @@ def report(
     inputs = [*paths, *demonstrations, *([constraints] if constraints else [])]
     check_outputs({output: PAGE}, inputs)
     pages = import_needed('occ report', 'occ_constraints_pkg.report.page')
+    if demonstrations:
+        import_needed('occ report --demonstrations', 'matplotlib')
     checked = import_needed('occ report', 'occ_constraints_pkg.report.checked')
     title = title or named_title(paths or inputs or (str(training),))
     if constraints is None:

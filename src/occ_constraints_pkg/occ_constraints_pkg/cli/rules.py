@@ -15,6 +15,7 @@ from occ_constraints_pkg.cli.common import (
     DATA,
     DEFINITIONS,
     JSON,
+    NAMESPACE,
     OVERWRITE,
     Seconds,
     help_without_command,
@@ -151,6 +152,7 @@ def diff(first: str, second: str, as_json: bool) -> int:
     type=click.Path(),
     help='Write the constraints file with counters of these recordings, for `occ prune`.',
 )
+@NAMESPACE
 @TIMEOUT
 @MAX_LAG
 @BRIDGE
@@ -176,6 +178,7 @@ def check(
     paths: tuple[str, ...],
     constraints: str,
     counted: str | None,
+    namespace: str,
     timeout: float,
     max_lag: float,
     bridge: float,
@@ -213,7 +216,14 @@ def check(
     )
     pages = html and import_needed('occ check --html', 'occ_constraints_pkg.report.checked')
     loaded = load_constraints(constraints)
-    data = read_data(paths, loaded, constraints, max_lag=max_lag, provenance=bool(html))
+    data = read_data(
+        paths,
+        loaded,
+        constraints,
+        max_lag=max_lag,
+        namespace=namespace,
+        provenance=bool(html),
+    )
     rule_set = loaded.rule_set
     if rule_set.problem:
         warn(f'{constraints} enables no rule, so every verdict is UNKNOWN')

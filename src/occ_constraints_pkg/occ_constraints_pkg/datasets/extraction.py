@@ -27,6 +27,7 @@ def extract(
     feature_map: FeatureMap,
     *,
     max_lag: float = 0.0,
+    namespace: str = '',
     progress: Callable[[int, int], None] | None = None,
     provenance: bool = True,
 ) -> Dataset:
@@ -42,6 +43,7 @@ def extract(
         feature_map: what to compute.
         max_lag: seconds that a message may come late, by its log time; 0 for any. See
             :class:`FeatureExtractor`.
+        namespace: of the robot in the recordings, see :meth:`.FeatureMap.in_namespace`.
         progress: called with the number of messages of needed topics so far, and the number in
             all recordings.
         provenance: whether the sources tell hashes, for which the files are read once more, and
@@ -51,6 +53,7 @@ def extract(
         OccError: no recordings; one cannot be read, lacks a topic, field or column of the map, or
             has no message on the pace topic in the parts to use.
     """
+    feature_map = feature_map.in_namespace(namespace)
     selections = select(paths)
     recordings = [Recording(selection.path) for selection in selections]
     if not recordings:

@@ -22,6 +22,7 @@ def read_demonstrations(
     feature_map: FeatureMap | None,
     space: FeatureSpace | None = None,
     *,
+    namespace: str = '',
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[Dataset, FeatureSpace]:
     """Read the features of recordings or of tables.
@@ -31,6 +32,7 @@ def read_demonstrations(
         feature_map: what to extract. Of tables, the columns of its names are read.
         space: without a feature map, the columns of tables to read; None: every column is a
             feature.
+        namespace: of the robot in recordings, see :meth:`.FeatureMap.in_namespace`.
         progress: called with (messages read, messages in all); not for tables.
 
     Raises:
@@ -46,7 +48,8 @@ def read_demonstrations(
             f'{paths[0]} is no table ({TABLE_ENDINGS}), and a recording needs a feature map: '
             '-m FILE or a name'
         )
-    return extract(paths, feature_map, progress=progress), feature_map.space
+    data = extract(paths, feature_map, namespace=namespace, progress=progress)
+    return data, feature_map.space
 
 
 def read_for_rules(
@@ -55,6 +58,7 @@ def read_for_rules(
     where: str,
     *,
     max_lag: float = 0.0,
+    namespace: str = '',
     provenance: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> Dataset:
@@ -66,6 +70,7 @@ def read_for_rules(
         where: what errors call the constraints.
         max_lag: seconds that a message of a recording may come late, see
             :class:`~occ_constraints_pkg.features.extractor.FeatureExtractor`; 0 for any.
+        namespace: as of :func:`read_demonstrations`.
         provenance: whether the sources tell hashes of recordings, for which the files are read
             once more; tables always have theirs.
         progress: called with (messages read, messages in all); not for tables.
@@ -83,4 +88,11 @@ def read_for_rules(
             'allowed are tables (.npz, .csv, .parquet) with columns of their names'
         )
     feature_map = FeatureMap.from_document(constraints.feature_map, where)
-    return extract(paths, feature_map, max_lag=max_lag, progress=progress, provenance=provenance)
+    return extract(
+        paths,
+        feature_map,
+        max_lag=max_lag,
+        namespace=namespace,
+        progress=progress,
+        provenance=provenance,
+    )

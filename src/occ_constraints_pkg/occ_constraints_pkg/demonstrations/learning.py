@@ -38,6 +38,7 @@ def learn_from_files(
     false_alarm: float | None = None,
     calibrate_on: Sequence[str | Path] = (),
     families: bool = True,
+    namespace: str = '',
     progress: Callable[[int, int], None] | None = None,
     warn: Callable[[str], None] | None = None,
 ) -> Constraints:
@@ -58,6 +59,7 @@ def learn_from_files(
         families: whether columns of tables that look like one measurement in several directions
             are taken for a family, see :func:`.take_families`. With a feature map, which declares
             them, ``warn`` is told.
+        namespace: of the robot in recordings, see :meth:`.FeatureMap.in_namespace`.
         progress: called with (messages read, messages in all); not for tables.
         warn: called with a sentence for each thing that is damaged, for samples left out, and for
             what is likely not meant, see :mod:`~occ_constraints_pkg.demonstrations.concerns`.
@@ -70,14 +72,16 @@ def learn_from_files(
     conditional = resolved_conditions(conditional, settings)
     if calibrate_on and false_alarm is None:
         raise ConfigurationError('calibrate_on is given without false_alarm; give both or neither')
-    data, space = read_demonstrations(paths, feature_map, progress=progress)
+    data, space = read_demonstrations(paths, feature_map, namespace=namespace, progress=progress)
     data, repeats = without_repeats(data)
     taken: list[str] = []
     if families and feature_map is None:
         space, taken = take_families(data, space, settings)
     safe, safe_episodes = None, None
     if calibrate_on:
-        safe, _ = read_demonstrations(calibrate_on, feature_map, space, progress=progress)
+        safe, _ = read_demonstrations(
+            calibrate_on, feature_map, space, namespace=namespace, progress=progress
+        )
         # What was learned from proves nothing about fresh episodes.
         safe, more = without_repeats(safe, data)
         repeats += more

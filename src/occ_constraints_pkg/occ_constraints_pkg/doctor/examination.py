@@ -32,6 +32,7 @@ def examine(bags: Path) -> Iterator[Finding]:
         'package': local.package,
         'extra train': partial(local.extra, 'train'),
         'extra report': partial(local.extra, 'report'),
+        'extra dashboard': partial(local.extra, 'dashboard'),
         'disk': partial(local.disk, bags),
         'clock': local.clock,
         'ROS packages': local.ros_packages,

@@ -34,7 +34,11 @@ _INTERFACES = (
     'std_srvs',
     'visualization_msgs',
 )
-_USES = {'train': 'worlds and training', 'report': 'pictures, pages and the live view'}
+_USES = {
+    'train': 'worlds and training',
+    'report': 'pictures and the live view',
+    'dashboard': 'the page of all robots',
+}
 # Domains above use ports that Linux also hands out by itself.
 _LAST_GOOD_DOMAIN = 101
 _RANGES = ('SUBNET', 'LOCALHOST', 'OFF', 'SYSTEM_DEFAULT')

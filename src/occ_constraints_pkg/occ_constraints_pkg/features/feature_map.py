@@ -146,6 +146,32 @@ class FeatureMap:
             )
         )
 
+    def in_namespace(self, namespace: str) -> FeatureMap:
+        """Return the map with the topics that one robot's messages have in recordings.
+
+        As ROS resolves names: a topic that is written without leading slash lies below the
+        namespace, any other one stays. In the namespace ``''`` or ``/`` nothing changes.
+
+        Args:
+            namespace: such as ``/robot1``, with or without leading slash.
+        """
+        space = namespace.strip('/')
+        if not space:
+            return self
+
+        def resolved(topic: str) -> str:
+            return topic if topic.startswith('/') or not topic else f'/{space}/{topic}'
+
+        features = tuple(
+            replace(
+                item,
+                topic=resolved(item.topic),
+                minus=item.minus and replace(item.minus, topic=resolved(item.minus.topic)),
+            )
+            for item in self.features
+        )
+        return replace(self, pace=resolved(self.pace), features=features)
+
     def to_document(self) -> dict[str, Any]:
         """Return the map as the plain values of its YAML form, with each sector written out."""
         return {

@@ -1,6 +1,6 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""The executables, one module each and the monitor a package: between topics and the library.
+"""The executables, one module or package each: between topics and the library.
 
 Beside them is what several of them share: ``lockstep`` and ``robot_sensors`` of the simulation,
 ``bag_topics`` of recorder and player, ``help`` of all.
@@ -29,10 +29,12 @@ NODES = (
     'tree_learner',
     'monitor',
     'gate',
+    'event_recorder',
     'constrained_learner',
+    'dashboard',
 )
 # Where the module is not of the node's name.
-_MODULES = {'monitor': 'monitor.node'}
+_MODULES = {'monitor': 'monitor.node', 'event_recorder': 'event_recorder.node'}
 
 
 def run(name: str, argv: list[str] | None = None) -> int:

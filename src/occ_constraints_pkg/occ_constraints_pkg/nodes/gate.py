@@ -13,13 +13,14 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Twist, TwistStamped, Vector3
 
 from occ_constraints_pkg.errors import ConfigurationError
-from occ_constraints_pkg.nodes.monitor.diagnostics import (
+from occ_constraints_pkg.ros.clocks import with_source_time
+from occ_constraints_pkg.ros.diagnostics import (
+    hardware_id_of,
     read_judged_at,
     read_verdict,
     status,
     violated_rule_ids,
 )
-from occ_constraints_pkg.ros.clocks import with_source_time
 from occ_constraints_pkg.ros.messages import to_nanoseconds
 from occ_constraints_pkg.ros.node import OccNode
 from occ_constraints_pkg.ros.process import run_node
@@ -120,6 +121,7 @@ class Gate(OccNode):
         )
         settings = self._settings()
         self.declared()
+        self._hardware_id = hardware_id_of(self.get_namespace())
         self._period, self._timeout = 1.0 / rate, settings.timeout
         self._command_type = TwistStamped if stamped else Twist
         now = self.steady_seconds()
@@ -127,11 +129,17 @@ class Gate(OccNode):
         self._commanded = self._ticked = now
         self._frame = ''
         self._output = self.create_publisher(
-            self._command_type, 'cmd_vel', COMMANDS, qos_overriding_options=overridable()
+            self._command_type,
+            'cmd_vel',
+            COMMANDS,
+            qos_overriding_options=overridable(with_promises=True),
         )
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self._state_publisher = self.create_publisher(
-            DiagnosticArray, '~/state', LATCHED, qos_overriding_options=overridable()
+            DiagnosticArray,
+            '~/state',
+            LATCHED,
+            qos_overriding_options=overridable(with_promises=True),
         )
         self._sources = [_VerdictTopic(self, topic, settings) for topic in topics or ['violation']]
         self.create_subscription(
@@ -274,6 +282,7 @@ class Gate(OccNode):
                 'since': self._since_ns,
                 'other_cmd_vel_publishers': self.count_publishers(self._output.topic_name) - 1,
             },
+            self._hardware_id,
         )
         message = DiagnosticArray(status=[summary])
         message.header.stamp = self.get_clock().now().to_msg()
@@ -296,7 +305,9 @@ class Gate(OccNode):
                 'rules': ', '.join(source.rules),
                 'age': source.gate.age(now),
                 'publishers': source.publishers,
+                'safe_in_a_row': source.gate.safe_in_a_row,
             },
+            self._hardware_id,
         )
 
     def close(self) -> None:

@@ -12,7 +12,7 @@ from contextlib import redirect_stdout
 _TOPICS = {
     'sim': {
         'subscribes': 'action (or cmd_vel)',
-        'publishes': 'observation, odom, imu, scan/..., scene, /clock',
+        'publishes': 'observation, odom, imu, scan/..., scene, /tf or transform, /clock',
     },
     'policy': {'subscribes': 'observation, costs', 'publishes': 'action'},
     'recorder': {'subscribes': 'the topics that it records'},
@@ -33,9 +33,18 @@ _TOPICS = {
         'those of a lifecycle node',
     },
     'gate': {'subscribes': 'cmd_vel_in, violation', 'publishes': 'cmd_vel, ~/state, /diagnostics'},
+    'event_recorder': {
+        'subscribes': 'violation, rules, features, gate/state, and what it records',
+        'publishes': 'events, /diagnostics',
+        'services': '~/trigger (std_srvs/Trigger)',
+    },
     'constrained_learner': {
         'subscribes': 'observation, costs, action',
         'publishes': 'action, training',
+    },
+    'dashboard': {
+        'subscribes': 'violation, features, rules, rule_stats and events of all namespaces, '
+        '~/state of gates, /diagnostics',
     },
 }
 

@@ -4,39 +4,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Callable, Mapping
 
-from rclpy.qos import QoSProfile
-from rclpy.subscription import Subscription
-
-from occ_constraints_pkg.errors import ConfigurationError, OccError
-from occ_constraints_pkg.nodes.bag_topics import profile_to_record, topic_filter
-from occ_constraints_pkg.ros.messages import message_class
+from occ_constraints_pkg.errors import ConfigurationError
+from occ_constraints_pkg.nodes.bag_topics import topic_filter
+from occ_constraints_pkg.nodes.found_topics import INSPECT_SECONDS, FoundTopic, FoundTopics
 from occ_constraints_pkg.ros.node import OccNode
 from occ_constraints_pkg.ros.process import run_node
-from occ_constraints_pkg.ros.qos import no_events
-from occ_constraints_pkg.ros.rclpy_internals import RCLError
-from occ_constraints_pkg.rosbag.definitions import find_definition
-from occ_constraints_pkg.rosbag.qos import from_profile
 from occ_constraints_pkg.rosbag.writer import FLUSH_SECONDS, BagWriter
 from occ_constraints_pkg.wording import count_of
 
-_INSPECT_SECONDS = 0.1
-# Of these, so much is for topics and the rest for messages: thousands of subscriptions take long.
-_INSPECT_SHARE_SECONDS = 0.04
 # A topic that was asked for and that nobody publishes by then may be misspelled.
 _PATIENCE_SECONDS = 5.0
-
-
-@dataclass
-class _Recorded:
-    """A topic that is recorded: its type, what its publishers offer, and our subscription."""
-
-    msgtype: str
-    offered: list[dict[str, Any]] = field(default_factory=list)
-    subscription: Subscription | None = None
+# What every node publishes from its start: no sign that there is something to record.
+_OF_ROS = ('/rosout', '/parameter_events')
 
 
 class Recorder(OccNode):
@@ -55,23 +36,24 @@ class Recorder(OccNode):
         max_seconds = self.parameter(
             'max_bag_duration', 0.0, 'seconds after which a new file is begun; 0: never', low=0.0
         )
+        self._seconds = self.parameter(
+            'duration', 0.0, 'seconds from the first message after which it ends; 0: never', low=0.0
+        )
         self.declared()
         if not output:
             raise ConfigurationError(
                 "parameter 'output' of node 'recorder' is missing; "
                 'give the directory of the new bag'
             )
-        self._recorded: dict[str, _Recorded] = {}
         self._writer = BagWriter(
             output,
             compression=compression,
             max_file_bytes=max_bytes,
             max_file_seconds=max_seconds,
         )
-        # The first look-up takes half a second, in which messages would pile up.
-        find_definition('std_msgs/msg/Empty')
-        self._inspecting: Iterator[None] | None = None
-        self.steady_timer(_INSPECT_SECONDS, self._inspect_topics)
+        self._has_begun = False
+        self._topics = FoundTopics(self, self._filter.allows, self._write_to)
+        self.steady_timer(INSPECT_SECONDS, self._topics.inspect)
         self.steady_timer(FLUSH_SECONDS, self._writer.flush)
         self._patience_timer = self.steady_timer(_PATIENCE_SECONDS, self._report_missing)
         self.get_logger().info(f'recording {self._filter} to {output}')
@@ -88,73 +70,29 @@ class Recorder(OccNode):
     def _report_missing(self) -> None:
         """Name the topics that were asked for and that nobody has published."""
         self._patience_timer.cancel()
-        missing = sorted(set(self._filter.names) - self._recorded.keys())
+        missing = sorted(set(self._filter.names) - self._topics.found.keys())
         if missing:
             self.get_logger().warning(f'nobody has published {", ".join(missing)} so far')
 
-    def _inspect_topics(self) -> None:
-        """Go on inspecting the topics, for a share of the time."""
-        end = self.steady_seconds() + _INSPECT_SHARE_SECONDS
-        self._inspecting = self._inspecting or self._each_topic()
-        for _ in self._inspecting:
-            if self.steady_seconds() > end:
-                return
-        self._inspecting = None
-
-    def _each_topic(self) -> Iterator[None]:
-        """Subscribe to new topics, and more modestly where a new publisher offers less.
-
-        Yields after each topic, the new ones first.
-        """
-        allowed = [
-            topic for topic, _ in self.get_topic_names_and_types() if self._filter.allows(topic)
-        ]
-        for topic in sorted(allowed, key=self._recorded.__contains__):
-            known = self._recorded.get(topic)
-            if known is None or len(known.offered) != self.count_publishers(topic):
-                self._inspect(topic, known)
-            yield
-
-    def _inspect(self, topic: str, known: _Recorded | None) -> None:
-        publishers = self.get_publishers_info_by_topic(topic)
-        if not publishers:
-            return
-        if known is None:
-            known = self._recorded[topic] = _Recorded(publishers[0].topic_type)
-        profiles = [publisher.qos_profile for publisher in publishers]
-        known.offered = [from_profile(profile) for profile in profiles]
-        self._subscribe(topic, known, profiles)
-
-    def _subscribe(self, topic: str, known: _Recorded, offered: list[QoSProfile]) -> None:
-        before = known.subscription
-        profile = profile_to_record(offered, None if before is None else before.qos_profile)
-        if before is not None and before.qos_profile == profile:
-            return
-        try:
-            kind = message_class(known.msgtype)
-        except OccError as error:
-            self.get_logger().warning(f'topic {topic} is not recorded: {error}')
-            return
-        # Kept once found, so that no message waits for it.
-        find_definition(known.msgtype)
-
+    def _write_to(self, topic: FoundTopic) -> Callable[[bytes, Mapping[str, int]], None]:
         def write(data: bytes, info: Mapping[str, int]) -> None:
+            if not self._has_begun and topic.name not in _OF_ROS:
+                self._begin_duration()
             self._writer.write(
-                topic, known.msgtype, data, self._arrival_ns(info), qos=known.offered
+                topic.name, topic.msgtype, data, self._arrival_ns(info), qos=topic.offered
             )
 
-        if before is not None:
-            self.destroy_subscription(before)
-        try:
-            known.subscription = self.create_subscription(
-                kind, topic, write, profile, raw=True, event_callbacks=no_events()
-            )
-        except RCLError:
-            # The middleware allows one type for each topic of a process.
-            self.get_logger().warning(
-                f'topic {topic} is not recorded: it has type {known.msgtype!r}; allowed is the '
-                'type that this node itself publishes there'
-            )
+        return write
+
+    def _begin_duration(self) -> None:
+        """End in time, counted from the first message: starts take longer on some machines."""
+        self._has_begun = True
+        if self._seconds:
+            self.steady_timer(self._seconds, self._end_in_time)
+
+    def _end_in_time(self) -> None:
+        self.get_logger().info(f'ending, {self._seconds:g} s after the first message')
+        self.finish()
 
     def _arrival_ns(self, info: Mapping[str, int]) -> int:
         """Return when a message arrived, which may be long before it is its turn to be written.

@@ -14,20 +14,24 @@ from math import isfinite
 from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import Point, Quaternion, Twist, Vector3
+from geometry_msgs.msg import Point, Quaternion, TransformStamped, Twist, Vector3
 from nav_msgs.msg import Odometry
 from rclpy.publisher import Publisher
 from sensor_msgs.msg import Imu, LaserScan
 from visualization_msgs.msg import Marker, MarkerArray
 
-from occ_constraints_pkg.errors import ConfigurationError
-from occ_constraints_pkg.ros.messages import to_time
+from occ_constraints_pkg.errors import ConfigurationError, OccError
+from occ_constraints_pkg.ros.messages import message_class, to_time
 from occ_constraints_pkg.ros.node import OccNode
 from occ_constraints_pkg.ros.qos import STEPS, overridable
 from occ_constraints_pkg.worlds.base import World
 from occ_constraints_pkg.worlds.view import RobotView, Thing
 
 ODOM, BASE = 'odom', 'base_link'
+# Variances along the diagonals of covariances: standard deviations of 1 mm, 1 mrad and the like,
+# and of 0.01 m/s^2. The simulation is exact, but 0 means "unknown" of an Imu, and a filter that
+# fuses odometry cannot invert a covariance of zeros.
+_VARIANCE, _VARIANCE_OF_ACCELERATION = 1e-6, 1e-4
 _SHAPES = {'cylinder': Marker.CYLINDER, 'box': Marker.CUBE}
 _COLOURS = {
     'goal': (0.3, 0.7, 0.2, 0.4),
@@ -42,8 +46,10 @@ _COLOURS = {
 class RobotSensors:
     """Publishes what robot 0 of a world senses, each topic while somebody subscribes to it.
 
-    Topics are ``odom``, ``imu``, ``scan/<kind>`` for each lidar, and ``scene``. A world without
-    such a view publishes none of them.
+    Topics are ``odom``, ``imu``, ``scan/<kind>`` for each lidar, ``scene``, and the transform from
+    ``odom`` to ``base_link``: on ``/tf`` as everywhere in ROS, or, where its type is not installed
+    (PyPI has no tf2_msgs), on ``transform``, which Foxglove and Lichtblick take as well. A world
+    without such a view publishes none of them.
 
     Args:
         node: publishes.
@@ -63,6 +69,11 @@ class RobotSensors:
         kinds += [
             (LaserScan, f'scan/{kind}', partial(scan_message, kind)) for kind in world.view_kinds
         ]
+        try:
+            tf_type = message_class('tf2_msgs/msg/TFMessage')
+            kinds.append((tf_type, '/tf', partial(tf_message, tf_type)))
+        except OccError:
+            kinds.append((TransformStamped, 'transform', transform_message))
         for message_type, topic, make in kinds:
             publisher = node.create_publisher(
                 message_type, topic, STEPS, qos_overriding_options=overridable()
@@ -70,7 +81,7 @@ class RobotSensors:
             self._topics.append((publisher, make))
 
     def publish(self, stamp_ns: int) -> None:
-        """Publish the present state under the stamp of the step."""
+        """Publish the present state with this stamp."""
         wanted = [topic for topic in self._topics if topic[0].get_subscription_count()]
         if wanted:
             view = self._world.view(0)
@@ -86,6 +97,7 @@ def odometry_message(view: RobotView, stamp_ns: int) -> Odometry:
     message.pose.pose.orientation = _quaternion(view.quaternion)
     message.twist.twist.linear = _vector(view.linear_velocity)
     message.twist.twist.angular = _vector(view.angular_velocity)
+    message.pose.covariance = message.twist.covariance = _diagonal(6, _VARIANCE)
     return message
 
 
@@ -96,7 +108,24 @@ def imu_message(view: RobotView, stamp_ns: int) -> Imu:
     message.orientation = _quaternion(view.quaternion)
     message.angular_velocity = _vector(view.angular_velocity)
     message.linear_acceleration = _vector(view.acceleration)
+    message.orientation_covariance = _diagonal(3, _VARIANCE)
+    message.angular_velocity_covariance = _diagonal(3, _VARIANCE)
+    message.linear_acceleration_covariance = _diagonal(3, _VARIANCE_OF_ACCELERATION)
     return message
+
+
+def transform_message(view: RobotView, stamp_ns: int) -> TransformStamped:
+    """Return where ``base_link`` is in ``odom``."""
+    message = TransformStamped(child_frame_id=BASE)
+    message.header.stamp, message.header.frame_id = to_time(stamp_ns), ODOM
+    message.transform.translation = _vector(view.position)
+    message.transform.rotation = _quaternion(view.quaternion)
+    return message
+
+
+def tf_message(message_type: Any, view: RobotView, stamp_ns: int) -> Any:
+    """Return the same as a message of tf2_msgs/msg/TFMessage, whose class is given."""
+    return message_type(transforms=[transform_message(view, stamp_ns)])
 
 
 def scan_message(kind: str, view: RobotView, stamp_ns: int) -> LaserScan:
@@ -143,6 +172,11 @@ def _marker(thing: Thing, number: int, stamp_ns: int) -> Marker:
     marker.scale = _vector(thing.size)
     marker.color.r, marker.color.g, marker.color.b, marker.color.a = _COLOURS[thing.kind]
     return marker
+
+
+def _diagonal(size: int, variance: float) -> np.ndarray:
+    """Return a covariance row by row, (size * size,)."""
+    return (np.eye(size) * variance).ravel()
 
 
 def _point(values: np.ndarray) -> Point:

@@ -178,7 +178,10 @@ class Sim(OccNode):
         self._message = table_bytes(table, self._stamp, self._world.name)
         if self._clock_publisher is not None:
             self._clock_publisher.publish(Clock(clock=to_time(self._stamp)))
-        self._sensors.publish(self._stamp)
+        # Stamps of steps run at the pace of the simulation, which only /clock can tell others;
+        # without it, sensors are stamped as those of a real robot.
+        has_clock = self._clock_publisher is not None
+        self._sensors.publish(self._stamp if has_clock else time.time_ns())
         self._observation.publish(self._message)
         self._repeat_timer.reset()
 

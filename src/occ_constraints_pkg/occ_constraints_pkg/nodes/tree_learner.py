@@ -126,6 +126,7 @@ class TreeLearner(OccNode):
                     conditional=self._conditional,
                     false_alarm=self._false_alarm,
                     calibrate_on=calibrate_on,
+                    namespace=self.get_namespace(),
                     warn=self.get_logger().warning,
                 )
             self._hand_out(constraints)

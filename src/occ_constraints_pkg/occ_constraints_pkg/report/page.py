@@ -9,7 +9,6 @@ import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +19,7 @@ from occ_constraints_pkg import __version__
 from occ_constraints_pkg.errors import ConfigurationError
 from occ_constraints_pkg.files import PAGE, write_text
 from occ_constraints_pkg.terminal import printable
+from occ_constraints_pkg.web.assets import asset
 
 
 @dataclass(frozen=True)
@@ -71,8 +71,12 @@ class Page:
             render(
                 'page.html.j2',
                 page=self,
-                style=Markup(_resource('page.css')),
-                programs=[Markup(_resource(name)) for name in ('judge.js', 'page.js')],
+                style=Markup(asset('style.css') + _resource('page.css')),
+                patterns=Markup(asset('patterns.svg').rstrip()),
+                programs=[
+                    Markup(asset('charts.js')),
+                    *(Markup(_resource(name)) for name in ('judge.js', 'page.js')),
+                ],
                 data=_script_json(self.data),
                 version=__version__,
                 written=datetime.now(UTC).strftime('%Y-%m-%d %H:%M UTC'),
@@ -168,4 +172,4 @@ def _script_json(value: Any) -> Markup:
 
 
 def _resource(name: str) -> str:
-    return resources.files(__package__).joinpath('templates', name).read_text('utf-8')
+    return asset(f'templates/{name}', __package__)

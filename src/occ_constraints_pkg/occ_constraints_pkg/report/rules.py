@@ -8,10 +8,9 @@ import io
 from typing import Any
 
 import numpy as np
-from matplotlib import pyplot as plt
 
+from occ_constraints_pkg.errors import MissingDependencyError, import_needed
 from occ_constraints_pkg.learning.evidence import describe_why, why_document
-from occ_constraints_pkg.learning.rules_picture import rules_figure
 from occ_constraints_pkg.learning.rules_text import describe_guarantee
 from occ_constraints_pkg.report.page import (
     Page,
@@ -64,8 +63,13 @@ def add_rules(
     words = 'Bounds on each feature'
     if any(len(rule.literals) > 1 for rule in rule_set.rules):
         words += ', and the corner that each rule with conditions forbids'
-    page.add(picture_section('Picture of the rules', _picture(constraints, samples), words,
-                             id='picture'))  # fmt: skip
+    try:
+        picture = _picture(constraints, samples)
+    except MissingDependencyError as missing:
+        # The base installation draws no pictures; all else of a page needs none.
+        page.add(Section('Picture of the rules', render('note.html.j2', words=missing), 'picture'))
+    else:
+        page.add(picture_section('Picture of the rules', picture, words, id='picture'))
 
 
 def add_provenance(page: Page, constraints: Constraints) -> None:
@@ -108,10 +112,12 @@ def _entry(constraints: Constraints, subjects: Subjects, rule: Rule) -> dict[str
 
 
 def _picture(constraints: Constraints, samples: np.ndarray | None) -> bytes:
-    figure = rules_figure(constraints, samples)
+    pictures = import_needed('This picture', 'occ_constraints_pkg.learning.rules_picture')
+    pyplot = import_needed('This picture', 'matplotlib.pyplot')
+    figure = pictures.rules_figure(constraints, samples)
     try:
         stream = io.BytesIO()
         figure.savefig(stream, dpi=_PICTURE_DOTS, format='png')
     finally:
-        plt.close(figure)
+        pyplot.close(figure)
     return stream.getvalue()

@@ -27,6 +27,7 @@ _METRICS, _SUMMARY, _CURVES, _RULES = (
     'constraints.yaml',
 )
 _PICTURE_BYTES = 4 << 20
+_PNG = b'\x89PNG\r\n\x1a\n'
 # Lines of the table: enough to see a course.
 _LINES = 12
 _COLUMNS = ('steps', 'mean_return', 'mean_cost', 'multiplier')
@@ -81,6 +82,10 @@ def add_training(page: Page, path: str | Path) -> Path:
     summary = directories[0] / _SUMMARY
     facts = dict(read_json_object(summary)) if summary.is_file() else {}
     settings = facts.pop('settings', {})
+    if not isinstance(settings, dict):
+        raise DataError(
+            f'{summary} is damaged: settings: got {settings!r}; allowed are names and values'
+        )
     words = 'Return, cost and multiplier over the steps of the training'
     page.add(picture_section('Training', _curves(folder, histories), words, id='training'))
     if len(histories) > 1:
@@ -122,8 +127,8 @@ def evaluation_page(
     return page
 
 
-def _ending(line: Mapping[str, Any], limit: float | None) -> str:
-    allowed = '' if limit is None else f', with {limit:g} allowed'
+def _ending(line: Mapping[str, Any], limit: Any) -> str:
+    allowed = '' if limit is None else f', with {_number(limit)} allowed'
     cost = _number(line.get('mean_cost')) or 'not known'
     returned = _number(line.get('mean_return')) or 'not known'
     return f'After {line["steps"]} steps: return {returned} and cost {cost} per episode{allowed}'
@@ -146,7 +151,10 @@ def _curves(folder: Path, histories: Sequence[Sequence[dict[str, Any]]]) -> byte
     """Return the curves that the training drew, which show its limit, else new ones."""
     own = folder / _CURVES
     if own.is_file():
-        return read_bytes(own, _PICTURE_BYTES)
+        png = read_bytes(own, _PICTURE_BYTES)
+        if not png.startswith(_PNG):
+            raise DataError(f'{own} is damaged: it is no PNG; without it, curves are drawn anew')
+        return png
     with tempfile.TemporaryDirectory() as directory:
         drawn = Path(directory) / _CURVES
         draw_training(drawn, histories, None)

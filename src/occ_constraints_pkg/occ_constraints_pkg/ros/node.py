@@ -8,6 +8,7 @@ import re
 import sys
 import time
 from collections.abc import Callable
+from copy import copy
 from functools import wraps
 from typing import Any
 
@@ -16,6 +17,7 @@ from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
 from rclpy.exceptions import NameValidationException
 from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from rclpy.task import Future
 from rclpy.timer import Timer
@@ -80,7 +82,13 @@ class OccNode(ParameterNode):
         """Release files and threads; called once before the node is destroyed."""
 
     def create_subscription(
-        self, msg_type: Any, topic: str, callback: Any, *args: Any, **kw: Any
+        self,
+        msg_type: Any,
+        topic: str,
+        callback: Any,
+        qos_profile: QoSProfile | int,
+        *args: Any,
+        **kw: Any,
     ) -> Subscription:
         """Subscribe as :meth:`rclpy.node.Node.create_subscription` does, but guarded.
 
@@ -90,7 +98,17 @@ class OccNode(ParameterNode):
             OccError: ``topic`` is no valid name.
         """
         self.full_name(topic)
-        return super().create_subscription(msg_type, topic, self._guarded(callback), *args, **kw)
+        # rclpy writes overrides by parameter into the profile, which others may share.
+        return super().create_subscription(
+            msg_type, topic, self._guarded(callback), copy(qos_profile), *args, **kw
+        )
+
+    def create_publisher(
+        self, msg_type: Any, topic: str, qos_profile: QoSProfile | int, *args: Any, **kw: Any
+    ) -> Publisher:
+        """Create a publisher as :meth:`rclpy.node.Node.create_publisher` does."""
+        # As for subscriptions.
+        return super().create_publisher(msg_type, topic, copy(qos_profile), *args, **kw)
 
     def create_timer(self, timer_period_sec: float, callback: Any, *args: Any, **kw: Any) -> Timer:
         """Create a timer as :meth:`rclpy.node.Node.create_timer` does, but guarded.

@@ -17,6 +17,7 @@ from rclpy.parameter import Parameter
 
 from occ_constraints_pkg.documents import did_you_mean, read_text
 from occ_constraints_pkg.errors import ConfigurationError
+from occ_constraints_pkg.ros.parameter_files import names_of_sections
 from occ_constraints_pkg.ros.rclpy_internals import parameter_overrides
 
 # Parameters, true or false, that every node has from rclpy.
@@ -27,21 +28,24 @@ _POLICIES = {
     'history': ('keep_last', 'keep_all', 'system_default'),
     'reliability': ('reliable', 'best_effort', 'system_default', 'best_available'),
     'depth': (),
+    'durability': ('volatile', 'transient_local', 'system_default', 'best_available'),
+    'liveliness': ('automatic', 'manual_by_topic', 'system_default', 'best_available'),
+    'deadline': (),
+    'liveliness_lease_duration': (),
+}
+# Of each policy that is a number, its least and largest value, and its unit; 0 ns means none.
+_NUMBERS = {
+    'depth': (1, 2**31 - 1, ''),
+    'deadline': (0, 2**63 - 1, ' of ns'),
+    'liveliness_lease_duration': (0, 2**63 - 1, ' of ns'),
 }
 # The overrides that a subscription of a node may ask for.
-_OF_SUBSCRIPTION = re.compile(rf'{re.escape(_QOS_PREFIX)}.+\.subscription\.({"|".join(_POLICIES)})')
+_OF_SUBSCRIPTION = re.compile(
+    rf'{re.escape(_QOS_PREFIX)}.+\.subscription\.(history|depth|reliability)'
+)
 _QOS = re.compile(r'qos_overrides\.(?P<topic>.+)\.(?P<end>[^.]+)\.(?P<policy>[^.]+)')
 # Those that ROS has besides: no misspellings.
-_OTHER_POLICIES = (
-    'avoid_ros_namespace_conventions',
-    'deadline',
-    'durability',
-    'lifespan',
-    'liveliness',
-    'liveliness_lease_duration',
-)
-_MOST_DEPTH = 2**31 - 1
-
+_OTHER_POLICIES = ('avoid_ros_namespace_conventions', 'lifespan')
 
 # So large a number of seconds is still finite in ns.
 _LARGEST = 1e290
@@ -249,10 +253,12 @@ def _check_qos_overrides(overrides: Iterable[Parameter]) -> None:
                 raise ConfigurationError(
                     f'parameter {item.name!r}: got {value!r}; allowed are {", ".join(allowed)}'
                 )
-        elif isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= _MOST_DEPTH:
+            continue
+        low, high, unit = _NUMBERS[match['policy']]
+        if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
             raise ConfigurationError(
-                f'parameter {item.name!r}: got {value!r}; allowed is a whole number from 1 up to '
-                f'{_MOST_DEPTH}'
+                f'parameter {item.name!r}: got {value!r}; allowed is a whole number{unit} from '
+                f'{low} up to {high}'
             )
 
 
@@ -282,7 +288,7 @@ def _check_unknown(
         return
     ours = set(_of_command_line(argv))
     for path in _params_files(argv):
-        ours |= set(_of_sections(yaml.safe_load(read_text(path)), node))
+        ours |= set(names_of_sections(yaml.safe_load(read_text(path)), node))
     for name in ignored:
         hint, allowed = _similar(name, declared)
         if name in ours:
@@ -307,33 +313,6 @@ def _of_command_line(argv: Sequence[str]) -> Iterator[str]:
             yield value.partition(':=')[0].rpartition(':')[2]
 
 
-def _of_sections(content: Any, node: str, key: str = '') -> Iterator[str]:
-    """Yield the names of parameters in the sections of a file that name ``node``."""
-    if not isinstance(content, dict):
-        return
-    for part, value in content.items():
-        if part != 'ros__parameters':
-            yield from _of_sections(value, node, f'{key}/{part}')
-        elif _names(key, node):
-            yield from _flat(value, '')
-
-
-def _names(key: str, node: str) -> bool:
-    """Return whether the key of a section means a node, and no other one of its namespace."""
-    parts = [part for part in key.split('/') if part]
-    patterns = {'**': '(/[^/]+)*', '*': '/[^/]+'}
-    pattern = ''.join(patterns.get(part, f'/{re.escape(part)}') for part in parts)
-    return bool(parts) and parts[-1] not in patterns and bool(re.fullmatch(pattern, node))
-
-
-def _flat(content: Any, prefix: str) -> Iterator[str]:
-    if not isinstance(content, dict):
-        yield prefix
-        return
-    for part, value in content.items():
-        yield from _flat(value, f'{prefix}.{part}' if prefix else str(part))
-
-
 def _similar(name: str, declared: Sequence[str]) -> tuple[str, str]:
     """Return the hint at a similar name, and in words what is allowed in place of ``name``."""
     qos = [item for item in declared if item.startswith(_QOS_PREFIX)]
@@ -342,10 +321,13 @@ def _similar(name: str, declared: Sequence[str]) -> tuple[str, str]:
         return did_you_mean(name, (*known, *_ROS_SWITCHES)), ', '.join(known)
     if not qos:
         return '', 'none of quality of service'
-    policies = ', '.join(_POLICIES)
     match = _QOS.fullmatch(name)
-    if match is not None and match['policy'] not in _POLICIES:
-        is_misspelled = match['policy'] not in _OTHER_POLICIES
+    own = [item for item in qos if match and item.startswith(name[: match.start('policy')])]
+    policies = ', '.join(
+        policy for policy in _POLICIES if any(item.endswith(f'.{policy}') for item in own or qos)
+    )
+    if match is not None and (own or match['policy'] not in _POLICIES):
+        is_misspelled = match['policy'] not in (*_POLICIES, *_OTHER_POLICIES)
         hint = did_you_mean(match['policy'], _POLICIES) if is_misspelled else ''
         return hint, f'the policies {policies}'
     ends = sorted({item.rpartition('.')[0] for item in qos})

@@ -5,7 +5,13 @@
 from __future__ import annotations
 
 from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import (
+    DurabilityPolicy,
+    HistoryPolicy,
+    QoSPolicyKind,
+    QoSProfile,
+    ReliabilityPolicy,
+)
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
 # Tables of steps: reliable, with room for a subscriber that falls behind for a while.
@@ -40,9 +46,27 @@ COMMANDS = QoSProfile(
 SETTLED_CHECKS = 8
 
 
-def overridable() -> QoSOverridingOptions:
-    """Let users change history, depth and reliability by parameter (``qos_overrides...``)."""
-    return QoSOverridingOptions.with_default_policies()
+# What any topic lets users change.
+_POLICIES = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY)
+# What a publisher may promise besides, by which a subscriber notices that it is dead.
+_PROMISES = (
+    QoSPolicyKind.DURABILITY,
+    QoSPolicyKind.DEADLINE,
+    QoSPolicyKind.LIVELINESS,
+    QoSPolicyKind.LIVELINESS_LEASE_DURATION,
+)
+
+
+def overridable(*, with_promises: bool = False) -> QoSOverridingOptions:
+    """Let users change history, depth and reliability by parameter (``qos_overrides...``).
+
+    Args:
+        with_promises: whether also durability, deadline, liveliness and its lease; of a publisher
+            of verdicts or commands, whose subscribers may want to notice that it is dead. A
+            deadline or a lease of its own makes a subscriber ask for one incompatible with a
+            publisher that offers none, so none is offered unasked.
+    """
+    return QoSOverridingOptions(_POLICIES + _PROMISES * with_promises)
 
 
 def no_events() -> SubscriptionEventCallbacks:

@@ -26,7 +26,8 @@ COMPRESSIONS = {
 }
 """How the chunks within a file may be compressed."""
 
-_CHUNK_BYTES = 256 * 1024
+CHUNK_BYTES = 256 * 1024
+"""What is held back at the most until it is compressed and written."""
 # What rosbag2 writes as the start of a bag without messages.
 _NEVER_NS = 2**63 - 1
 
@@ -56,26 +57,31 @@ class McapOutput:
     Attributes:
         path: the file; it must not exist before.
         counts: number of messages by topic.
-        span: of all of them.
 
     Args:
         path: the file.
         compression: a key of :data:`COMPRESSIONS`.
+        chunk_bytes: about how many bytes of messages make a chunk.
     """
 
-    def __init__(self, path: Path, compression: str) -> None:
+    def __init__(self, path: Path, compression: str, chunk_bytes: int = CHUNK_BYTES) -> None:
         self.path = path
         self.counts: Counter[str] = Counter()
-        self.span = Span()
+        self._count, self._start_ns, self._end_ns = 0, _NEVER_NS, 0
         self._sink = _Sink(path)
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
         # Length, counts and span of the part of the file that is complete.
-        self._safe = (0, self.counts, self.span)
+        self._safe = (0, self.counts, Span())
         self._ended = False
         self._writer = Writer(
-            self._sink, chunk_size=_CHUNK_BYTES, compression=COMPRESSIONS[compression]
+            self._sink, chunk_size=chunk_bytes, compression=COMPRESSIONS[compression]
         )
+
+    @property
+    def span(self) -> Span:
+        """Number of messages and their log times."""
+        return Span(self._count, self._start_ns, self._end_ns)
 
     @property
     def size(self) -> int:
@@ -106,7 +112,12 @@ class McapOutput:
         """Append one message."""
         self._writer.add_message(self._channels[topic], log_time_ns, data, publish_time_ns)
         self.counts[topic] += 1
-        self.span = self.span.joined(Span(1, log_time_ns, log_time_ns))
+        # Plain numbers: this is done for each message.
+        self._count += 1
+        if log_time_ns < self._start_ns:
+            self._start_ns = log_time_ns
+        if log_time_ns > self._end_ns:
+            self._end_ns = log_time_ns
         self._note_progress()
 
     def flush(self) -> None:
@@ -135,7 +146,8 @@ class McapOutput:
         if self._ended:
             return
         self._ended = True
-        size, self.counts, self.span = self._safe
+        size, self.counts, span = self._safe
+        self._count, self._start_ns, self._end_ns = span.count, span.start_ns, span.end_ns
         builder = RecordBuilder()
         DataEnd(0).write(builder)
         Footer(summary_start=0, summary_offset_start=0, summary_crc=0).write(builder)

@@ -112,5 +112,10 @@ def _scalar(value: Any) -> str:
     text = str(value)
     if _BARE.fullmatch(text):
         return text
-    plain = (c if ' ' <= c <= '~' and c not in '"\\' else f'\\U{ord(c):08x}' for c in text)
-    return f'"{"".join(plain)}"'
+    return f'"{"".join(map(_escaped, text))}"'
+
+
+def _escaped(character: str) -> str:
+    if character in '"\\':
+        return f'\\{character}'
+    return character if ' ' <= character <= '~' else f'\\U{ord(character):08x}'

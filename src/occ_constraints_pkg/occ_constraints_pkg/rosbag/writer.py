@@ -15,7 +15,7 @@ from typing import Any
 
 from occ_constraints_pkg.errors import DataError
 from occ_constraints_pkg.rosbag.definitions import find_definition
-from occ_constraints_pkg.rosbag.mcap_writer import COMPRESSIONS, McapOutput, Span
+from occ_constraints_pkg.rosbag.mcap_writer import CHUNK_BYTES, COMPRESSIONS, McapOutput, Span
 from occ_constraints_pkg.rosbag.metadata import dump_plain
 
 FLUSH_SECONDS = 0.25
@@ -40,7 +40,7 @@ class BagWriter:
 
     The directory holds ``<directory name>_0.mcap``, further files numbered on where the recording
     is split, and ``metadata.yaml``. What has reached the operating system survives a SIGKILL of
-    this process: everything up to the last :meth:`flush`, and every full chunk of 256 KiB.
+    this process: everything up to the last :meth:`flush`, and every full chunk.
     :meth:`write` flushes by itself when the last flush is 0.25 s past; so at most the messages of
     the last 0.25 s are lost, or, when messages stop coming, those of the 0.25 s before the pause:
     a recorder that wants these safe too calls :meth:`flush` from a timer. A power failure may cost
@@ -59,6 +59,8 @@ class BagWriter:
         max_file_bytes: a file that has grown to this size is followed by another; 0: never. As
             messages reach the file chunk by chunk, it may be larger by one chunk.
         max_file_seconds: the same for the time from a file's first message on, by log time.
+        chunk_bytes: about how many bytes of messages are compressed together; where a killed
+            recorder may lose more, larger chunks take less time.
         custom_data: what ``metadata.yaml`` says under that key, where rosbag2 has room for a
             recording's own words; None for nothing.
 
@@ -73,15 +75,12 @@ class BagWriter:
         compression: str = 'zstd',
         max_file_bytes: int = 0,
         max_file_seconds: float = 0.0,
+        chunk_bytes: int = CHUNK_BYTES,
         custom_data: Mapping[str, str] | None = None,
     ) -> None:
-        if compression not in COMPRESSIONS:
-            raise DataError(
-                f'a recording got the compression {compression!r}; '
-                f'allowed are {", ".join(COMPRESSIONS)}'
-            )
+        check_compression(compression)
         self.directory = Path(directory)
-        self._compression = compression
+        self._compression, self._chunk_bytes = compression, chunk_bytes
         self._max_bytes, self._max_ns = max_file_bytes, round(max_file_seconds * 1e9)
         self._custom_data = dict(custom_data) if custom_data else None
         self._topics: dict[str, _Topic] = {}
@@ -118,6 +117,11 @@ class BagWriter:
     def message_count(self) -> int:
         """Number of messages written."""
         return sum(file.span.count for file in self._files)
+
+    @property
+    def size(self) -> int:
+        """Bytes in the files so far."""
+        return sum(file.size for file in self._files)
 
     def write(
         self,
@@ -177,6 +181,14 @@ class BagWriter:
         except OSError as error:
             self._fail(error)
 
+    def set_custom_data(self, custom_data: Mapping[str, str]) -> None:
+        """Replace what metadata.yaml says under ``custom_data``, from its next writing on.
+
+        It ends up in the storage files too, of which each has a record with what metadata.yaml
+        says of it; so call it before the first file is full.
+        """
+        self._custom_data = dict(custom_data) or None
+
     def flush(self) -> None:
         """Hand all messages so far to the operating system.
 
@@ -214,7 +226,7 @@ class BagWriter:
 
     def _begin_file(self) -> None:
         name = f'{self.directory.resolve().name}_{len(self._files)}.mcap'
-        self._files.append(McapOutput(self.directory / name, self._compression))
+        self._files.append(McapOutput(self.directory / name, self._compression, self._chunk_bytes))
         self._files[-1].start()
         self._write_metadata()
 
@@ -306,6 +318,18 @@ class BagWriter:
                 raise
         self._described, self._topics_described = time.monotonic(), len(self._topics)
         self._describing = self._described - begin
+
+
+def check_compression(name: str) -> None:
+    """Refuse what is no compression of chunks.
+
+    Raises:
+        OccError: there is none of this name.
+    """
+    if name not in COMPRESSIONS:
+        raise DataError(
+            f'a recording got the compression {name!r}; allowed are {", ".join(COMPRESSIONS)}'
+        )
 
 
 def _overwrite(path: Path, data: bytes) -> bool:

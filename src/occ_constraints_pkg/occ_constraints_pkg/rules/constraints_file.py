@@ -433,22 +433,27 @@ def _members(name: str, path: _Path, space: FeatureSpace) -> tuple[int, ...]:
     )
 
 
+def literal_documents(rule: Rule, space: FeatureSpace) -> list[dict[str, Any]]:
+    """Return the literals of a rule as a constraints file has them."""
+    return [
+        {
+            **(
+                {'family': space.features[literal.members[0]].family}
+                if literal.is_family
+                else {'feature': literal.name(space)}
+            ),
+            'operator': literal.operator,
+            'bound': float(literal.bound),
+        }
+        for literal in rule.literals
+    ]
+
+
 def _rule_document(rule: Rule, space: FeatureSpace) -> dict[str, Any]:
     document: dict[str, Any] = {
         'id': rule.id,
         'text': rule.words(space),
-        'literals': [
-            {
-                **(
-                    {'family': space.features[literal.members[0]].family}
-                    if literal.is_family
-                    else {'feature': literal.name(space)}
-                ),
-                'operator': literal.operator,
-                'bound': float(literal.bound),
-            }
-            for literal in rule.literals
-        ],
+        'literals': literal_documents(rule, space),
         'enabled': rule.enabled,
     }
     if rule.note:

@@ -26,6 +26,7 @@ class Debounce:
 
     Attributes:
         tripped: whether the switch is on.
+        good_in_a_row: samples since the last bad one, or since it was tripped by hand.
 
     Args:
         trigger_count: bad samples that trip it.
@@ -46,7 +47,7 @@ class Debounce:
         self.tripped = False
         self._trigger_count, self._release_count = trigger_count, release_count
         self._window: deque[bool] = deque(maxlen=trigger_window)
-        self._good_in_a_row = 0
+        self.good_in_a_row = 0
 
     @property
     def bad_count(self) -> int:
@@ -56,16 +57,16 @@ class Debounce:
     def add(self, is_bad: bool) -> None:
         """Take one more sample."""
         self._window.append(is_bad)
-        self._good_in_a_row = 0 if is_bad else self._good_in_a_row + 1
+        self.good_in_a_row = 0 if is_bad else self.good_in_a_row + 1
         if self.bad_count >= self._trigger_count:
             self.tripped = True
-        elif self._good_in_a_row >= self._release_count:
+        elif self.good_in_a_row >= self._release_count:
             self.tripped = False
 
     def trip(self) -> None:
         """Switch on at once; the count of good samples restarts."""
         self.tripped = True
-        self._good_in_a_row = 0
+        self.good_in_a_row = 0
 
 
 class SteadyVerdict:
@@ -285,6 +286,11 @@ class SpeedGate:
         inside = max(0.0, self._margin) / settings.slow_margin if settings.slow_margin else 0.0
         scale = settings.min_speed_scale + (1.0 - settings.min_speed_scale) * inside
         return GateOutput(scale, f'margin {self._margin:.3g} is below {settings.slow_margin:g}')
+
+    @property
+    def safe_in_a_row(self) -> int:
+        """How many verdicts have been safe since the last that was not, or since a stop."""
+        return self._debounce.good_in_a_row
 
     @property
     def has_begun(self) -> bool:

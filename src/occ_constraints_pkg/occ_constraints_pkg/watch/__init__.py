@@ -1,3 +1,3 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""The live view ``occ watch``: ``model`` knows no ROS, ``network`` no screen, ``app`` neither."""
+"""The live view ``occ watch``: draws a ``fleet`` on a terminal, or as plain lines."""

@@ -11,10 +11,10 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from occ_constraints_pkg.errors import OccError, missing_extra
+from occ_constraints_pkg.fleet.model import Change, Fleet
+from occ_constraints_pkg.fleet.network import Network
 from occ_constraints_pkg.stopping import stop_request
 from occ_constraints_pkg.watch.lines import follow
-from occ_constraints_pkg.watch.model import Change, Fleet
-from occ_constraints_pkg.watch.network import Network
 
 
 def run_lines(write: Callable[[Change, float], None]) -> int:

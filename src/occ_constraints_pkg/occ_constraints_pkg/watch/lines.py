@@ -8,9 +8,9 @@ import sys
 import time
 from collections.abc import Callable
 
+from occ_constraints_pkg.fleet.model import Change, Fleet
 from occ_constraints_pkg.stopping import parent_is_gone, stop_request
 from occ_constraints_pkg.terminal import printable
-from occ_constraints_pkg.watch.model import Change, Fleet
 
 # How often changes are looked for.
 LOOK_SECONDS = 0.2

@@ -12,8 +12,9 @@ import time
 from collections import Counter
 from collections.abc import Sequence
 
+from occ_constraints_pkg.fleet.margins import BUCKET_SECONDS
+from occ_constraints_pkg.fleet.model import Fleet, Robot, RuleRow, Standing
 from occ_constraints_pkg.terminal import printable
-from occ_constraints_pkg.watch.model import BUCKET_SECONDS, Fleet, Robot, RuleRow, Standing
 
 Span = tuple[str, str]
 """Text and the name of its style: empty, or as ``bold red``."""

@@ -21,10 +21,10 @@ from textual.strip import Strip
 from textual.widget import Widget
 
 from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.fleet.model import Fleet, Robot
 from occ_constraints_pkg.stopping import parent_is_gone, stop_request
 from occ_constraints_pkg.terminal import printable
 from occ_constraints_pkg.watch.lines import LOOK_SECONDS, NOBODY
-from occ_constraints_pkg.watch.model import Fleet, Robot
 from occ_constraints_pkg.watch.panels import (
     Line,
     change_lines,
@@ -48,7 +48,7 @@ _KEYS = (
 
 
 class Services(Protocol):
-    """What can be asked of monitors and learners, see :class:`watch.calls.Calls`."""
+    """What can be asked of monitors and learners, see :class:`fleet.calls.Calls`."""
 
     @property
     def under_way(self) -> list[str]:
@@ -71,7 +71,7 @@ class Services(Protocol):
 
 
 class Source(Protocol):
-    """Where the fleet is heard, see :class:`watch.network.Network`."""
+    """Where the fleet is heard, see :class:`fleet.network.Network`."""
 
     calls: Services
 

@@ -20,14 +20,15 @@ from visualization_msgs.msg import MarkerArray
 from occ_constraints_pkg.features.extractor import FeatureRows
 from occ_constraints_pkg.features.table import Table
 from occ_constraints_pkg.features.table_messages import TableSerializer
-from occ_constraints_pkg.nodes.monitor.diagnostics import (
+from occ_constraints_pkg.nodes.monitor.markers import Sector, sector_markers, verdict_markers
+from occ_constraints_pkg.nodes.monitor.state_log import StateLog
+from occ_constraints_pkg.ros.diagnostics import (
+    hardware_id_of,
     report_message,
     sensor_status,
     unknown_message,
     violation_message,
 )
-from occ_constraints_pkg.nodes.monitor.markers import Sector, sector_markers, verdict_markers
-from occ_constraints_pkg.nodes.monitor.state_log import StateLog
 from occ_constraints_pkg.ros.node import OccNode
 from occ_constraints_pkg.ros.qos import VERDICTS, overridable
 from occ_constraints_pkg.ros.tables import table_bytes, table_message
@@ -68,7 +69,10 @@ class Outputs:
     def __init__(self, node: OccNode) -> None:
         def publisher(message_type: Any, topic: str) -> Publisher:
             return node.create_publisher(
-                message_type, topic, VERDICTS, qos_overriding_options=overridable()
+                message_type,
+                topic,
+                VERDICTS,
+                qos_overriding_options=overridable(with_promises=True),
             )
 
         self._log = StateLog(node)
@@ -82,6 +86,7 @@ class Outputs:
         self._rule_stats = publisher(PointCloud2, 'rule_stats')
         self._diagnostics = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self._name = node.get_fully_qualified_name().lstrip('/')
+        self._hardware_id = hardware_id_of(node.get_namespace())
 
     @property
     def subscribers(self) -> int:
@@ -129,7 +134,9 @@ class Outputs:
             reason = {'reason': rows.note} if rows.note else {}
             more = {**reason, 'state': state.name, **foreseen}
             self._violation.publish(
-                violation_message(rule_set, rows.values, judgement, rows.stamp_ns, more)
+                violation_message(
+                    rule_set, rows.values, judgement, rows.stamp_ns, more, _episodes(rows)
+                )
             )
         self._log.log_judgement(rule_set, rows, judgement, state)
 
@@ -185,8 +192,9 @@ class Outputs:
             doubts: what about the sensors is likely not so; each is logged when it is new.
             stamp_ns: now.
         """
-        message = report_message(f'{self._name}: judging', state, problem, values, stamp_ns)
-        message.status.append(sensor_status(f'{self._name}: sensors', doubts))
+        robot = self._hardware_id
+        message = report_message(f'{self._name}: judging', state, problem, values, stamp_ns, robot)
+        message.status.append(sensor_status(f'{self._name}: sensors', doubts, robot))
         self._diagnostics.publish(message)
         self._log.log_doubts(doubts)
 
@@ -215,6 +223,12 @@ def costs_message(judgement: Judgement, stamp_ns: int, frame_id: str) -> bytes:
     cost = 0.0 if verdict == Verdict.SAFE else 1.0
     row = (cost, verdict, judgement.margin[0], judgement.rule[0])
     return _serializer(frame_id).serialize(row, stamp_ns)
+
+
+def _episodes(rows: FeatureRows) -> np.ndarray | None:
+    table = rows.table
+    has_episodes = table is not None and 'episode' in table.names
+    return table.column('episode') if has_episodes else None
 
 
 @lru_cache(maxsize=4)

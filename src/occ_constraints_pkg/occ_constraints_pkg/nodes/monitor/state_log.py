@@ -4,23 +4,21 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 
 import numpy as np
 
 from occ_constraints_pkg.features.extractor import FeatureRows
-from occ_constraints_pkg.nodes.monitor.diagnostics import why_unknown
+from occ_constraints_pkg.ros.diagnostics import why_unknown
 from occ_constraints_pkg.ros.node import OccNode
 from occ_constraints_pkg.rules import Judgement, RuleSet, Verdict
+from occ_constraints_pkg.wording import without_numbers
 
 # So many changes are logged at once; then one line in so many seconds sums up.
 _BURST, _SECONDS = 5, 5.0
 _CHECK_SECONDS = 0.5
 # A doubt that was gone for so many looks is logged anew.
 _FORGOTTEN = 60
-# Not those that are part of a name.
-_NUMBER = re.compile(r'(?<![\w.])-?\d[\d.]*(e[-+]?\d+)?(?!\w)')
 
 
 class StateLog:
@@ -81,7 +79,7 @@ class StateLog:
         """Log each doubt about a sensor that is new, or was gone for a while."""
         doubted = {doubt: looks - 1 for doubt, looks in self._doubted.items() if looks > 1}
         for sentence in doubts:
-            doubt = _NUMBER.sub('', sentence)
+            doubt = without_numbers(sentence)
             if doubt not in doubted:
                 self._node.get_logger().warning(sentence)
             doubted[doubt] = _FORGOTTEN
@@ -89,7 +87,7 @@ class StateLog:
 
     def _change_to_unknown(self, reason: str, robot: int, robots: int) -> None:
         # The same reason with other numbers is no news.
-        kind = _NUMBER.sub('', reason)
+        kind = without_numbers(reason)
         if self._state != (Verdict.UNKNOWN, kind):
             self._change(Verdict.UNKNOWN, kind, f'UNKNOWN: {reason}{_which(robot, robots)}')
 

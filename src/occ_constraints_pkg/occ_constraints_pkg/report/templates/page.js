@@ -2,27 +2,10 @@
 (() => {
   const data = JSON.parse(document.getElementById('data').textContent);
   if (!data.recordings) return;
-  const SVG = 'http://www.w3.org/2000/svg';
   // Lists are filled in parts, so that thousands of violations do not delay the page.
   const PART = 200;
-  // Traces of more rows have no dots of their own.
-  const MOST_DOTS = 120;
-
-  // ---- small helpers ----
-  function element(name, attributes = {}, text = '') {
-    return filled(document.createElement(name), attributes, text);
-  }
-  function drawn(name, attributes = {}, text = '') {
-    return filled(document.createElementNS(SVG, name), attributes, text);
-  }
-  function filled(made, attributes, text) {
-    for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
-    if (text) made.textContent = text;
-    return made;
-  }
-  const short = value => Number(value.toPrecision(4)).toString();
+  const {element, drawn, short, count, lineChart} = charts;
   const time = value => data.unit === 's' ? value.toFixed(2) + ' s' : value.toFixed(0);
-  const count = (number, word) => number + ' ' + word + (number === 1 ? '' : 's');
   const at = (name, value) => document.querySelector('[data-' + name + '="' + value + '"]');
 
   const original = data.rules;
@@ -89,7 +72,8 @@
     const recording = recordings[place];
     const table = element('table'), head = element('thead'), body = element('tbody');
     const titles = element('tr');
-    const hasEpisodes = new Set(recording.violations.map(item => item[1])).size > 1;
+    // Also where only one of them violates: which one it was is what people ask.
+    const hasEpisodes = new Set(rowsOf(place).episodes).size > 1;
     for (const title of ['', 'from', 'to', ...hasEpisodes ? ['episode'] : [], 'rule', 'violated when', 'margin']) {
       titles.append(element('th', {scope: 'col'}, title));
     }
@@ -179,69 +163,13 @@
   }
 
   function chart(place, column, literals, {episode, start, end, worst}, width) {
-    const WIDTH = Math.max(280, width), HEIGHT = 210, LEFT = 62, RIGHT = 14, TOP = 26, BOTTOM = 30;
-    const described = data.columns[column];
-    const {begin, end: last} = recordings[place];
+    const described = data.columns[column], {begin, end: last} = recordings[place];
     const from = Math.max(begin, start - data.context), to = Math.min(last, end + data.context);
-    const points = traceOf(place, column, episode, from, to);
-    let low = Infinity, high = -Infinity;
-    for (const value of points.map(point => point[1]).concat(literals.flatMap(item => [item.bound, item.moved]))) {
-      low = Math.min(low, value);
-      high = Math.max(high, value);
-    }
-    const seen = [low, high];
-    const room = (high - low) * 0.14 || Math.abs(high) * 0.1 || 1;
-    low -= room;
-    high += room;
-    const x = moment => LEFT + (moment - from) / (to - from) * (WIDTH - LEFT - RIGHT);
-    const y = value => TOP + (high - value) / (high - low) * (HEIGHT - TOP - BOTTOM);
     const unit = described.unit ? ' [' + described.unit + ']' : '';
-    const words = described.name + unit + ', violated when '
+    const title = described.name + unit + ', violated when '
       + literals.map(item => item.operator + ' ' + short(item.bound)).join(' and ');
-    const svg = drawn('svg', {width: WIDTH, height: HEIGHT, class: 'chart', role: 'img',
-      'aria-label': words + '; worst at ' + time(worst)});
-    for (const item of literals) {
-      const edge = y(item.bound), isAbove = item.operator.startsWith('>');
-      const area = {x: LEFT, width: WIDTH - LEFT - RIGHT, y: isAbove ? TOP : edge,
-        height: Math.max(0, isAbove ? edge - TOP : HEIGHT - BOTTOM - edge)};
-      svg.append(drawn('rect', {...area, class: 'beyond'}), drawn('rect', {...area, fill: 'url(#beyond)'}));
-    }
-    svg.append(drawn('rect', {class: 'during', x: x(start), y: TOP,
-      width: Math.max(2, x(end) - x(start)), height: HEIGHT - TOP - BOTTOM}));
-    svg.append(drawn('rect', {class: 'frame', x: LEFT, y: TOP, width: WIDTH - LEFT - RIGHT, height: HEIGHT - TOP - BOTTOM}));
-    const labelled = [];
-    function label(value, name) {
-      const height = y(value);
-      if (labelled.some(other => Math.abs(other - height) < 14)) return;
-      labelled.push(height);
-      svg.append(drawn('text', {x: LEFT - 6, y: height + 4, 'text-anchor': 'end', class: name}, short(value)));
-    }
-    const line = (name, value) => svg.append(drawn('line', {class: name, x1: LEFT, x2: WIDTH - RIGHT, y1: y(value), y2: y(value)}));
-    for (const item of literals) {
-      line('limit', item.bound);
-      label(item.bound, 'bound-label');
-      if (item.moved !== item.bound) {
-        line('newlimit', item.moved);
-        label(item.moved, 'moved-label');
-      }
-    }
-    seen.forEach(value => label(value, 'end-label'));
-    svg.append(drawn('polyline', {class: 'trace', points: points.map(([t, v]) => x(t).toFixed(1) + ',' + y(v).toFixed(1)).join(' ')}));
-    if (points.length <= MOST_DOTS) {
-      for (const [t, v] of points) svg.append(drawn('circle', {class: 'dot', cx: x(t).toFixed(1), cy: y(v).toFixed(1), r: 2.2}));
-    }
-    const peak = points.find(point => point[0] === worst);
-    if (peak) {
-      const isLate = x(peak[0]) > WIDTH - 90;
-      svg.append(drawn('circle', {class: 'worst', cx: x(peak[0]), cy: y(peak[1]), r: 6}));
-      svg.append(drawn('text', {class: 'peak', x: x(peak[0]) + (isLate ? -10 : 10), 'text-anchor': isLate ? 'end' : 'start',
-        y: Math.max(TOP + 12, y(peak[1]) - 8)}, short(peak[1])));
-    }
-    svg.append(drawn('text', {class: 'title', x: LEFT, y: 16}, words));
-    for (const [moment, anchor] of [[from, 'start'], [(start + end) / 2, 'middle'], [to, 'end']]) {
-      svg.append(drawn('text', {class: 'moment', x: x(moment), y: HEIGHT - 10, 'text-anchor': anchor}, time(moment)));
-    }
-    return svg;
+    return lineChart({width, title, label: title + '; worst at ' + time(worst), from, to, time, worst,
+      points: traceOf(place, column, episode, from, to), limits: literals, during: [start, end]});
   }
 
   let width = window.innerWidth;

@@ -14,12 +14,15 @@ from strategies import COARSE, rule_sets
 
 pytest.importorskip('rclpy', reason="needs the extra 'ros'")
 
-from occ_constraints_pkg.nodes.monitor.diagnostics import (
+from occ_constraints_pkg.nodes.monitor.pipeline import foreseen_values
+from occ_constraints_pkg.ros.diagnostics import (
+    hardware_id_of,
     read_verdict,
+    report_message,
+    sensor_status,
     unknown_message,
     violation_message,
 )
-from occ_constraints_pkg.nodes.monitor.pipeline import foreseen_values
 
 
 @given(rule_sets(), st.data())
@@ -73,3 +76,16 @@ def test_unknown_is_read_as_unknown():
     message = unknown_message('no input', None, 7)
     assert read_verdict(message)[0] is Verdict.UNKNOWN
     assert message.status[0].message == 'UNKNOWN: no input'
+
+
+@pytest.mark.parametrize(('namespace', 'hardware'), [('/', 'robot'), ('/a/b', 'a/b')])
+def test_diagnostics_tell_robots_and_dead_publishers_apart(namespace, hardware):
+    robot = hardware_id_of(namespace)
+    message = report_message('monitor: judging', Verdict.UNKNOWN, 'late', {}, 7, robot)
+    (judging,) = message.status
+    # An aggregator takes STALE for the level of a publisher that is dead.
+    assert judging.level == b'\x02'
+    assert judging.hardware_id == hardware
+    assert sensor_status('monitor: sensors', [], robot).hardware_id == hardware
+    told = report_message('monitor: judging', Verdict.SAFE, '', {}, 7, robot)
+    assert told.status[0].level == b'\x00'

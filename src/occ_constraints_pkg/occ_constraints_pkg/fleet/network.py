@@ -29,19 +29,21 @@ from std_msgs.msg import String
 
 from occ_constraints_pkg.errors import OccError
 from occ_constraints_pkg.features.serialized_tables import TableReader
+from occ_constraints_pkg.fleet.calls import Calls
+from occ_constraints_pkg.fleet.events import read_event
+from occ_constraints_pkg.fleet.messages import JUDGING, read_gate, read_monitors, read_report
+from occ_constraints_pkg.fleet.model import LOST_SECONDS, Fleet, Robot
 from occ_constraints_pkg.ros.node import refusal_of
 from occ_constraints_pkg.ros.qos import LATCHED, VERDICTS, no_events
 from occ_constraints_pkg.ros.rclpy_internals import RCLError, take
-from occ_constraints_pkg.watch.calls import Calls
-from occ_constraints_pkg.watch.messages import JUDGING, read_gate, read_idle, read_report
-from occ_constraints_pkg.watch.model import LOST_SECONDS, Fleet, Robot
 
 _DISCOVERY_SECONDS = 1.0
 _DIAGNOSTIC_ARRAY = 'diagnostic_msgs/msg/DiagnosticArray'
 # Topics of one monitor are found by the end of their names, whatever they are remapped to.
-_VERDICTS, _GATE = '/violation', '/state'
+_VERDICTS, _GATE, _EVENTS = '/violation', '/state', '/events'
+_TEXT = 'std_msgs/msg/String'
 _TABLE = 'sensor_msgs/msg/PointCloud2'
-_PARTS = {'rules': 'std_msgs/msg/String', 'features': _TABLE, 'rule_stats': _TABLE}
+_PARTS = {'rules': _TEXT, 'features': _TABLE, 'rule_stats': _TABLE}
 # What a node offers that judges: its verdicts are found under any name.
 _MONITOR_SERVICES = ('/prune', '/reset_stats', '/enable')
 # Only the newest message counts, and none is sent again for us.
@@ -76,26 +78,28 @@ class Network:
 
     Args:
         fleet: gets what is heard.
+        context: of ROS, initialised; None for one of its own, which costs another participant.
 
     Raises:
         OccError: ROS refuses to start.
     """
 
-    def __init__(self, fleet: Fleet) -> None:
+    def __init__(self, fleet: Fleet, context: Context | None = None) -> None:
         self._fleet = fleet
-        self._context = Context()
+        self._context, self._owns_context = context or Context(), context is None
         try:
             self._join()
         except RCLError as error:
-            self._context.try_shutdown()
+            self._leave()
             raise refusal_of(error) from error
 
     def _join(self) -> None:
         context = self._context
-        rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
+        if self._owns_context:
+            rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
         # Not spun, so that no executor takes a message. By its name, tools do not list it.
         self._node = Node(
-            f'_occ_watch_{time.time_ns() % 10**9}',
+            f'_occ_fleet_{time.time_ns() % 10**9}',
             context=context,
             use_global_arguments=False,
             enable_rosout=False,
@@ -103,6 +107,7 @@ class Network:
         )
         self._topics: dict[str, _Topics] = {}
         self._gates: dict[str, Subscription] = {}
+        self._events: dict[str, Subscription] = {}
         self._diagnostics = self._subscribe(DiagnosticArray, '/diagnostics', _DIAGNOSTICS)
         self._discover_at, self._polled = 0.0, time.monotonic()
         self.calls = Calls(context, self._fleet)
@@ -111,7 +116,11 @@ class Network:
         """Leave the ROS domain."""
         self.calls.close()
         self._node.destroy_node()
-        self._context.try_shutdown()
+        self._leave()
+
+    def _leave(self) -> None:
+        if self._owns_context:
+            self._context.try_shutdown()
 
     def poll(self) -> None:
         """Look at all topics once, and bring the model up to date.
@@ -139,6 +148,12 @@ class Network:
                 report = _read(data, DiagnosticArray, read_gate)
                 if report is not None:
                     self._fleet.hear_gate(name, report, when)
+        for topic, subscription in self._events.items():
+            for data, _, _ in _messages(subscription, latest):
+                text = _read(data, String, lambda message: message.data)
+                event = read_event(text, topic) if text is not None else None
+                if event is not None:
+                    self._fleet.events.hear(event)
         self._hear_diagnostics(latest)
         self.calls.spin()
         self._fleet.tick(time.monotonic())
@@ -175,6 +190,12 @@ class Network:
             name = topic.removesuffix(_GATE)
             if name != topic and name not in self._gates:
                 self._gates[name] = self._subscribe(DiagnosticArray, topic, LATCHED)
+        for topic, kinds in topics.items():
+            if topic.endswith(_EVENTS) and kinds == [_TEXT] and topic not in self._events:
+                self._events[topic] = self._subscribe(String, topic, VERDICTS)
+        self._fleet.events.find(
+            topic for topic in self._events if self._node.count_publishers(topic)
+        )
 
     def _remapped(self) -> set[str]:
         """Return the topics of verdicts of the nodes that offer what a monitor does."""
@@ -201,6 +222,8 @@ class Network:
         """Find who publishes the verdicts on a robot, and what else that node publishes."""
         publishers = self._node.get_publishers_info_by_topic(robot.topic)
         robot.publishers = len(publishers)
+        # This one is not counted.
+        robot.health.subscribers = max(0, self._node.count_subscribers(robot.topic) - 1)
         # Endpoints are known a moment before the names of their nodes.
         known = [item for item in publishers if item.node_namespace.startswith('/')]
         if not known:
@@ -224,10 +247,13 @@ class Network:
             topics.parts[part] = self._subscribe(kind, topic, qos)
 
     def _hear_robot(self, robot: Robot, topics: _Topics, latest: float) -> None:
+        waited = 0
         for data, when, sent_ns in _messages(topics.violation, latest):
+            waited += 1
             report = _read(data, DiagnosticArray, read_report)
             if report is not None:
                 robot.hear(report, when, sent_ns)
+        robot.health.queue = waited, topics.violation.qos_profile.depth
         for part, subscription in topics.parts.items():
             for data, when, _ in _messages(subscription, latest):
                 if part == 'rules':
@@ -259,9 +285,9 @@ class Network:
         for data, when, _ in _messages(self._diagnostics, latest):
             if mark not in data:
                 continue
-            for name, reason in (_read(data, DiagnosticArray, read_idle) or {}).items():
+            for name, report in (_read(data, DiagnosticArray, read_monitors) or {}).items():
                 if name in monitors:
-                    monitors[name].hear_idle(reason, when)
+                    monitors[name].hear_monitor(report, when)
 
     def _subscribe(self, kind: Any, topic: str, qos: QoSProfile) -> Subscription:
         return self._node.create_subscription(

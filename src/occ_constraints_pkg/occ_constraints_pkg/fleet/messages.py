@@ -8,18 +8,20 @@ import math
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
-from occ_constraints_pkg.nodes.monitor.diagnostics import (
+from occ_constraints_pkg.fleet.model import GateReport, MonitorReport, Report, ViolatedRule
+from occ_constraints_pkg.ros.diagnostics import (
     RULE_NAME,
     VERDICT_NAME,
     read_judged_at,
     read_verdict,
 )
+from occ_constraints_pkg.ros.messages import to_nanoseconds
 from occ_constraints_pkg.rules import Verdict
 from occ_constraints_pkg.terminal import printable
-from occ_constraints_pkg.watch.model import GateReport, Report, ViolatedRule
 
-# How the name of a monitor's status on `/diagnostics` ends, and how that of a gate's source begins.
+# How the names of a monitor's statuses on `/diagnostics` end; how that of a gate's source begins.
 JUDGING = ': judging'
+_SENSORS = ': sensors'
 _SOURCE = ': verdicts on '
 # Keys of a violated rule's status that are no features.
 _RULE_KEYS = ('id', 'text', 'formula', 'margin')
@@ -58,6 +60,7 @@ def read_report(message: DiagnosticArray) -> Report:
         printable(values.get('next_rule', '')),
         _number(values.get('time_to_violation', 'inf')),
         read_judged_at(message),
+        to_nanoseconds(message.header.stamp),
     )
 
 
@@ -76,15 +79,21 @@ def read_gate(message: DiagnosticArray) -> GateReport | None:
     )
 
 
-def read_idle(message: DiagnosticArray) -> dict[str, str]:
-    """Return for the monitors that a message on ``/diagnostics`` is about why they do not judge.
+def read_monitors(message: DiagnosticArray) -> dict[str, MonitorReport]:
+    """Return what the monitors that a message on ``/diagnostics`` is about say of themselves.
 
     Returns:
-        Full name of the node, and the reason; empty while it judges.
+        By the full name of the node.
     """
-    return {
-        f'/{status.name.removesuffix(JUDGING)}': _idle(status)
+    doubts = {
+        status.name.removesuffix(_SENSORS): printable(status.message)
         for status in message.status
+        if status.name.endswith(_SENSORS) and status.level != DiagnosticStatus.OK
+    }
+    names = [item.name.removesuffix(JUDGING) for item in message.status]
+    return {
+        f'/{name}': MonitorReport(_idle(status), doubts.get(name, ''))
+        for name, status in zip(names, message.status, strict=True)
         if status.name.endswith(JUDGING)
     }
 

@@ -8,18 +8,19 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from occ_constraints_pkg.rules import Verdict
-from occ_constraints_pkg.rules.listing import rules_in_force_text
-from occ_constraints_pkg.watch.model import (
+from occ_constraints_pkg.fleet.model import (
     LOST_SECONDS,
     Fleet,
     GateReport,
+    MonitorReport,
     Report,
     Robot,
     Standing,
     ViolatedRule,
     robot_name,
 )
+from occ_constraints_pkg.rules import Verdict
+from occ_constraints_pkg.rules.listing import rules_in_force_text
 
 
 def told(fleet, now):
@@ -114,7 +115,7 @@ def test_a_robot_that_falls_silent_is_lost_and_may_come_again(fleet, robot, repo
 def test_a_monitor_that_is_heard_on_diagnostics_only_is_unknown_for_its_reason(fleet):
     robot = fleet.robot('/violation', 0.0)
     assert robot.standing(0.5) is Standing.UNKNOWN
-    robot.hear_idle('no rule set yet', 1.0)
+    robot.hear_monitor(MonitorReport('no rule set yet'), 1.0)
     told(fleet, 1.1)
     assert (robot.standing(2.9), robot.why(2.9)) == (Standing.UNKNOWN, 'no rule set yet')
     assert robot.standing(3.5) is Standing.LOST
@@ -137,7 +138,7 @@ def test_safe_is_shown_only_on_a_fresh_safe_verdict(steps):
         if what == 'tick':
             robot.tick(now)
         elif what == 'idle':
-            robot.hear_idle('', now)
+            robot.hear_monitor(MonitorReport(), now)
         else:
             last = now, what
             rules = () if what in ('safe', 'unknown') else (ViolatedRule(what, 'w', -1.0),)

@@ -19,8 +19,8 @@ from rclpy.task import Future
 from std_srvs.srv import SetBool, Trigger
 
 from occ_constraints_pkg.errors import ConfigurationError, OccError
+from occ_constraints_pkg.fleet.model import Fleet
 from occ_constraints_pkg.terminal import printable
-from occ_constraints_pkg.watch.model import Fleet
 
 _ANSWER_SECONDS = 10.0
 _LEARN_SECONDS = 600.0
@@ -60,7 +60,7 @@ class Calls:
     def __init__(self, context: Context, fleet: Fleet) -> None:
         self._fleet = fleet
         self._node = Node(
-            f'_occ_watch_calls_{time.time_ns() % 10**9}',
+            f'_occ_calls_{time.time_ns() % 10**9}',
             context=context,
             use_global_arguments=False,
             enable_rosout=False,

@@ -31,6 +31,8 @@ _LEVELS = {
     Verdict.VIOLATED: DiagnosticStatus.ERROR,
     Verdict.UNKNOWN: DiagnosticStatus.STALE,
 }
+# On `/diagnostics`, STALE is what aggregators say of a publisher that is dead.
+_REPORTED_LEVELS = {**_LEVELS, Verdict.UNKNOWN: DiagnosticStatus.ERROR}
 
 
 def violation_message(
@@ -39,6 +41,7 @@ def violation_message(
     judgement: Judgement,
     stamp_ns: int,
     more: dict[str, object] | None = None,
+    episodes: np.ndarray | None = None,
 ) -> DiagnosticArray:
     """Describe a single robot, or the first few of a batch that are not safe.
 
@@ -51,6 +54,7 @@ def violation_message(
         judgement: of the n rows.
         stamp_ns: stamp of the input.
         more: further values for robot 0; None for none.
+        episodes: (n,) number of each robot's episode; None where the input has none.
     """
     robots = np.flatnonzero(judgement.verdict != Verdict.SAFE)[:_MOST_ROBOTS]
     if not len(robots):
@@ -61,7 +65,14 @@ def violation_message(
         status
         for robot in robots
         for status in _robot_statuses(
-            rule_set, values[robot], judgement, int(robot), more if robot == 0 else None
+            rule_set,
+            values[robot],
+            judgement,
+            int(robot),
+            {
+                **({} if episodes is None else {'episode': float(episodes[robot])}),
+                **((more or {}) if robot == 0 else {}),
+            },
         )
     ]
     return message
@@ -82,6 +93,7 @@ def report_message(
     problem: str,
     values: dict[str, object],
     stamp_ns: int,
+    hardware_id: str,
 ) -> DiagnosticArray:
     """Report how the monitor is doing, for ``/diagnostics``.
 
@@ -91,17 +103,20 @@ def report_message(
         problem: why nothing is judged.
         values: further values.
         stamp_ns: now.
+        hardware_id: see :func:`hardware_id_of`.
     """
     text = f'{state.name}: {problem}' if problem else state.name
-    message = DiagnosticArray(status=[status(name, _LEVELS[state], text, values)])
+    message = DiagnosticArray(
+        status=[status(name, _REPORTED_LEVELS[state], text, values, hardware_id)]
+    )
     message.header.stamp = to_time(stamp_ns)
     return message
 
 
-def sensor_status(name: str, doubts: Sequence[str]) -> DiagnosticStatus:
+def sensor_status(name: str, doubts: Sequence[str], hardware_id: str) -> DiagnosticStatus:
     """Return what about the sensors is likely not so; ``OK`` without a doubt."""
     level = DiagnosticStatus.WARN if doubts else DiagnosticStatus.OK
-    return status(name, level, '; '.join(doubts) or 'no doubt')
+    return status(name, level, '; '.join(doubts) or 'no doubt', None, hardware_id)
 
 
 def read_verdict(message: DiagnosticArray) -> tuple[Verdict, float, str]:
@@ -147,16 +162,25 @@ def violated_rule_ids(message: DiagnosticArray) -> list[str]:
 
 
 def status(
-    name: str, level: bytes, text: str, values: dict[str, object] | None = None, robot: int = 0
+    name: str,
+    level: bytes,
+    text: str,
+    values: dict[str, object] | None = None,
+    hardware_id: str = 'robot 0',
 ) -> DiagnosticStatus:
     """Build one status; values become strings."""
     return DiagnosticStatus(
         name=name,
         level=level,
         message=text,
-        hardware_id=f'robot {robot}',
+        hardware_id=hardware_id,
         values=[KeyValue(key=key, value=_text(value)) for key, value in (values or {}).items()],
     )
+
+
+def hardware_id_of(namespace: str) -> str:
+    """Return what a robot is called on ``/diagnostics`` (REP 107): its namespace, or ``robot``."""
+    return namespace.strip('/') or 'robot'
 
 
 def why_unknown(rule_set: RuleSet, sample: np.ndarray) -> str:
@@ -177,23 +201,23 @@ def _robot_statuses(
     sample: np.ndarray,
     judgement: Judgement,
     robot: int,
-    more: dict[str, object] | None,
+    more: dict[str, object],
 ) -> list[DiagnosticStatus]:
-    verdict = Verdict(judgement.verdict[robot])
+    verdict, name = Verdict(judgement.verdict[robot]), f'robot {robot}'
     summary = _summary(robot, verdict, float(judgement.margin[robot]), rule_set)
-    summary |= more or {}
+    summary |= more
     if verdict is Verdict.UNKNOWN:
         text = f'UNKNOWN: {summary.get("reason") or why_unknown(rule_set, sample)}'
-        return [status(VERDICT_NAME, _LEVELS[verdict], text, summary, robot)]
+        return [status(VERDICT_NAME, _LEVELS[verdict], text, summary, name)]
     if verdict is Verdict.SAFE:
         words = summary.get('warning', '')
         text = f'SAFE: {words}' if words else 'SAFE'
-        return [status(VERDICT_NAME, _LEVELS[verdict], text, summary, robot)]
+        return [status(VERDICT_NAME, _LEVELS[verdict], text, summary, name)]
     margins = rule_set.rule_margins(sample)
     violated = rule_set.violated_rules(sample)
     words = '; '.join(rule_set.rules[index].words(rule_set.space, sample) for index in violated)
     text = f'{verdict.name}: {words}'
-    statuses = [status(VERDICT_NAME, _LEVELS[verdict], text, summary, robot)]
+    statuses = [status(VERDICT_NAME, _LEVELS[verdict], text, summary, name)]
     for index in violated:
         rule = rule_set.rules[index]
         details = {
@@ -206,9 +230,10 @@ def _robot_statuses(
                 for feature in rule.fired(sample)
             },
         }
-        name = f'{RULE_NAME}{rule.id}'
         told = rule.words(rule_set.space, sample)
-        statuses.append(status(name, DiagnosticStatus.ERROR, told, details, robot))
+        statuses.append(
+            status(f'{RULE_NAME}{rule.id}', DiagnosticStatus.ERROR, told, details, name)
+        )
     return statuses
 
 

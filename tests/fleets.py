@@ -1,11 +1,11 @@
 # Copyright 2026 The occ_constraints developers
 # SPDX-License-Identifier: Apache-2.0
-"""Rules and reports for the model of the live view, without ROS."""
+"""Robots, rules and reports for the model that views share, without ROS."""
 
 import pytest
+from occ_constraints_pkg.fleet.model import Fleet, Report, ViolatedRule
 from occ_constraints_pkg.rules import Feature, FeatureSpace, Literal, Rule, RuleSet, Verdict
 from occ_constraints_pkg.rules.listing import rules_in_force_text
-from occ_constraints_pkg.watch.model import Fleet, Report, ViolatedRule
 
 SPACE = FeatureSpace((Feature('speed', 'm/s'), Feature('clearance', 'm')))
 FAST = Rule('FAST', (Literal(0, '>', 1.0),))

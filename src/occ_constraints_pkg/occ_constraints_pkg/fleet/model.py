@@ -9,7 +9,6 @@ cannot be made is UNKNOWN; neither is ever shown as safe.
 from __future__ import annotations
 
 import math
-import re
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -19,16 +18,16 @@ from functools import lru_cache
 import numpy as np
 
 from occ_constraints_pkg.errors import OccError
+from occ_constraints_pkg.fleet.events import EventLog
+from occ_constraints_pkg.fleet.health import Health
+from occ_constraints_pkg.fleet.margins import MarginHistory
 from occ_constraints_pkg.rules import RuleSet, Verdict
 from occ_constraints_pkg.rules.listing import read_rules_in_force
-from occ_constraints_pkg.wording import count_of
+from occ_constraints_pkg.wording import count_of, without_numbers
 
 LOST_SECONDS = 2.0
 """Without a message for so long, a robot or a gate is lost; a monitor that has nothing to judge
 reports so once a second."""
-BUCKET_SECONDS = 0.5
-"""Of each such span the smallest margin is kept."""
-_BUCKETS = 240
 # A violation that begins again within this time goes on, as in `occ check`.
 _BRIDGE_SECONDS = 0.5
 _MOST_CHANGES = 500
@@ -37,7 +36,6 @@ _MOST_RULE_SETS = 4
 # A verdict that was made so much earlier than it was sent comes from a recording.
 _RECORDED_SECONDS = 5.0
 # Numbers that are no part of a name: the same reason with other numbers is no news.
-_NUMBER = re.compile(r'(?<![\w.])-?\d[\d.]*(e[-+]?\d+)?(?!\w)')
 
 
 class Standing(IntEnum):
@@ -82,6 +80,7 @@ class Report:
         next_rule: id of the rule that is foreseen to be violated next; empty for none.
         seconds: estimated time until then.
         judged_at_ns: wall time of judging; None where the monitor does not say.
+        stamp_ns: of the input.
     """
 
     verdict: Verdict
@@ -93,6 +92,20 @@ class Report:
     next_rule: str = ''
     seconds: float = math.inf
     judged_at_ns: int | None = None
+    stamp_ns: int = 0
+
+
+@dataclass(frozen=True)
+class MonitorReport:
+    """What a monitor says of itself on ``/diagnostics``.
+
+    Attributes:
+        idle: why it does not judge; empty while it does.
+        doubts: what it doubts of its sensors; empty for nothing.
+    """
+
+    idle: str = ''
+    doubts: str = ''
 
 
 @dataclass(frozen=True)
@@ -202,6 +215,7 @@ class Robot:
         heard: when that came.
         sample: (k,) the features judged last, of the robot that the verdict is about.
         idle: why the monitor does not judge, as it says on ``/diagnostics``.
+        health: how its verdicts come.
         problem: why rules or features cannot be shown; empty while they can.
         is_recorded: whether verdicts were made long before they were sent, as in a recording.
     """
@@ -215,12 +229,13 @@ class Robot:
         # When it came, and the fingerprint of the rules that judged it.
         self._sampled, self._sampled_by = -math.inf, ''
         self.idle, self._idle_at = '', -math.inf
+        self.health = Health()
         self.problem, self.is_recorded = '', False
         self._counts: np.ndarray | None = None
         self._rule_sets: dict[str, RuleSet] = {}
         self._shown_rules = ''
         self._episodes: dict[object, _Episode] = {}
-        self._margins: deque[tuple[int, float]] = deque(maxlen=_BUCKETS)
+        self._margins = MarginHistory()
         # The standing that was noted last, and for which kind of reason.
         self._noted: tuple[Standing, str] | None = None
         self.changes: deque[Change] = deque(maxlen=_MOST_CHANGES)
@@ -265,12 +280,14 @@ class Robot:
         self._close(when - self.heard > LOST_SECONDS)
         self.report, self.heard = report, max(self.heard, when)
         made = report.judged_at_ns
+        self.health.hear(when, made, report.stamp_ns)
         self.is_recorded = bool(
             made is not None and sent_ns and sent_ns - made > _RECORDED_SECONDS * 1e9
         )
-        self._keep_margin(report, when)
-        if report.verdict is Verdict.UNKNOWN:
-            kind = _NUMBER.sub('', report.reason)
+        is_unknown = report.verdict is Verdict.UNKNOWN
+        self._margins.keep(math.nan if is_unknown else report.margin, when)
+        if is_unknown:
+            kind = without_numbers(report.reason)
             self._open(('unknown', kind), Standing.UNKNOWN, report.reason, math.nan, '', when)
         for rule in report.rules:
             which = f' (robot {rule.robot})' if rule.robot else ''
@@ -317,9 +334,10 @@ class Robot:
         """Take the counters: (rules, 2), evaluated and violated."""
         self._counts = counts
 
-    def hear_idle(self, reason: str, now: float) -> None:
-        """Take from ``/diagnostics`` that the monitor runs, and why it does not judge, if so."""
-        self.idle, self._idle_at = reason, now
+    def hear_monitor(self, report: MonitorReport, now: float) -> None:
+        """Take what the monitor says of itself, so it runs."""
+        self.idle, self._idle_at = report.idle, now
+        self.health.doubts = report.doubts
 
     def tick(self, now: float) -> None:
         """Close what has ended, and note what has changed by now."""
@@ -327,7 +345,7 @@ class Robot:
         standing, why = self.standing(now), ''
         if standing is Standing.UNKNOWN and not self._episodes:
             why = self.why(now)
-        noted = standing, _NUMBER.sub('', why)
+        noted = standing, without_numbers(why)
         if noted == self._noted:
             return
         self._noted = noted
@@ -370,14 +388,6 @@ class Robot:
         if margin < item.margin:
             item.words, item.margin, item.values = words, margin, values
 
-    def _keep_margin(self, report: Report, when: float) -> None:
-        bucket = int(when / BUCKET_SECONDS)
-        margin = -math.inf if report.verdict is Verdict.UNKNOWN else report.margin
-        if self._margins and self._margins[-1][0] >= bucket:
-            bucket, least = self._margins.pop()
-            margin = min(margin, least)
-        self._margins.append((bucket, margin))
-
     def margins(self, count: int, now: float) -> list[float | None]:
         """Return the smallest margin of each of the last spans, the present one last.
 
@@ -388,9 +398,7 @@ class Robot:
         Returns:
             ``-inf`` for a span with UNKNOWN in it, None for one without a verdict.
         """
-        last = int(now / BUCKET_SECONDS)
-        known = dict(self._margins)
-        return [known.get(bucket) for bucket in range(last - count + 1, last + 1)]
+        return self._margins.newest(count, now)
 
     def closeness(self, now: float) -> tuple[np.ndarray, np.ndarray]:
         """Return which rules are the closest to being violated.
@@ -441,10 +449,14 @@ class Fleet:
     Attributes:
         robots: by the topic of their verdicts.
         gates: by the name of their node.
+        events: that event recorders told of.
+        change_count: how many changes there were so far.
     """
 
     robots: dict[str, Robot] = field(default_factory=dict)
     gates: dict[str, Gate] = field(default_factory=dict)
+    events: EventLog = field(default_factory=EventLog)
+    change_count: int = 0
     _changes: deque[Change] = field(default_factory=lambda: deque(maxlen=_MOST_CHANGES))
     _fresh: list[Change] = field(default_factory=list)
 
@@ -493,6 +505,7 @@ class Fleet:
                 self.note(now, gate.name, 'gate', f'LOST: silent for {LOST_SECONDS:g} s')
 
     def _take(self, change: Change) -> None:
+        self.change_count += 1
         self._changes.append(change)
         self._fresh.append(change)
 
@@ -524,7 +537,7 @@ def _read_rules(text: str) -> RuleSet:
 
 def _gate_kind(report: GateReport) -> str:
     """Return what is news of a gate: that it stops, and why; not how fast it lets a robot go."""
-    return f'STOP {_NUMBER.sub("", report.reason)}' if report.state == 'STOP' else 'open'
+    return f'STOP {without_numbers(report.reason)}' if report.state == 'STOP' else 'open'
 
 
 def _values(rule_set: RuleSet, index: int, sample: np.ndarray) -> str:

@@ -47,6 +47,7 @@ def test_no_dependency_is_named_twice(manifest):
 # What rosdep resolves on Ubuntu 24.04 for Jazzy: keys that begin so, as apt names them.
 APT = {
     'python3-click',
+    'python3-jinja2',
     'python3-jsonschema',
     'python3-numpy',
     'python3-pytest',

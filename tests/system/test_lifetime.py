@@ -33,6 +33,7 @@ def test_all_nodes_end_cleanly_while_they_wait_for_peers(
         'monitor': {'constraints_file': rules},
         'gate': {},
         'constrained_learner': {'output': nodes.folder / 'training'},
+        'event_recorder': {'store': nodes.folder / 'events'},
         'dashboard': {'port': 0},
     }
     assert set(parameters) == set(NODES)

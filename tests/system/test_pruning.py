@@ -12,19 +12,16 @@ from occ_constraints_pkg.rules.constraints_file import load_constraints
 def test_simple_navigation_is_pruned_to_the_rule_of_the_paper(nodes, observer, trigger, let_go):
     bag, rules, pruned_file = (nodes.folder / name for name in ('bag', 'a.yaml', 'b.yaml'))
     episode = {'world': 'simple_nav', 'num_robots': 200, 'episodes': 1, 'wait_for_subscribers': 3}
-    # The monitor and the driver that it will watch have a namespace of their own.
     monitor = nodes.start(
         'monitor', namespace='/drive', pruned_file=pruned_file, prune_threshold=0.01
     )
-    nodes.start('policy', namespace='/drive', policy='straight', wait_for_costs=True)
-    drive = nodes.start('sim', namespace='/drive', seed=5, **episode)
-    recorder = nodes.start('recorder', output=bag, topics='observation')
-    nodes.start('policy', policy='expert')
-    # The observer listens to observations too.
-    demonstration = nodes.start('sim', **episode)
+    recorder = nodes.start('recorder', namespace='/drive', output=bag, topics='observation')
+    expert = nodes.start('policy', namespace='/drive', policy='expert')
+    demonstration = nodes.start('sim', namespace='/drive', **episode)
+    let_go(observer, '/drive/observation')
     observer.spin_until(lambda: not demonstration.is_running)
     demonstration.raise_error()
-    nodes.stop(recorder)
+    nodes.stop(recorder, expert)
     learner = nodes.start(
         'tree_learner',
         namespace='/drive',
@@ -36,7 +33,9 @@ def test_simple_navigation_is_pruned_to_the_rule_of_the_paper(nodes, observer, t
         max_depth=2,
     )
     observer.spin_until(lambda: 'enabled rule' in monitor.log.read_text())
-    let_go(observer, '/drive/observation')
+    nodes.start('policy', namespace='/drive', policy='straight', wait_for_costs=True)
+    # The observer listens to observations still.
+    drive = nodes.start('sim', namespace='/drive', seed=5, **episode)
     observer.spin_until(lambda: not drive.is_running)
     drive.raise_error()
     nodes.stop(learner)

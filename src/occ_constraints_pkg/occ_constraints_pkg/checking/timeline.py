@@ -158,7 +158,7 @@ def make_timeline(
     )
 
 
-def progress(stamps: np.ndarray, arrivals: np.ndarray) -> np.ndarray:
+def progress(stamps: np.ndarray, arrivals: np.ndarray, episodes: np.ndarray) -> np.ndarray:
     """Return how far time has gone on from the first of some samples to each, in ns.
 
     By their header stamps, which are the same when a recording is played. While these stand still
@@ -167,21 +167,24 @@ def progress(stamps: np.ndarray, arrivals: np.ndarray) -> np.ndarray:
     Args:
         stamps: (n,) int64, in ns.
         arrivals: (n,) int64, in ns.
+        episodes: (n,) int64; a stamp does not stand still from one episode to the next.
     """
     if not len(stamps):
         return stamps
-    heads = np.flatnonzero(np.append(True, np.diff(stamps) != 0))
-    since = arrivals - np.repeat(arrivals[heads], np.diff(np.append(heads, len(stamps))))
+    is_head = (np.diff(stamps) != 0) | (np.diff(episodes) != 0)
+    heads = np.flatnonzero(np.append(True, is_head))
+    lengths = np.diff(np.append(heads, len(stamps)))
+    since = arrivals - np.repeat(arrivals[heads], lengths)
     # Within each stretch of one stamp, how far arrivals have gone on.
-    for head, end in zip(heads, np.append(heads[1:], len(stamps)), strict=True):
-        if end - head > 1:
-            np.maximum.accumulate(since[head:end], out=since[head:end])
+    for place in np.flatnonzero(lengths > 1).tolist():
+        stretch = slice(heads[place], heads[place] + lengths[place])
+        np.maximum.accumulate(since[stretch], out=since[stretch])
     stalled = since[heads[1:] - 1]
     steps = np.diff(stamps[heads])
     back = stalled + np.maximum(arrivals[heads[1:]] - arrivals[heads[1:] - 1], 0)
     steps = np.where(steps > 0, np.maximum(steps, stalled), back)
     begun = np.append(0, np.cumsum(steps))
-    return np.repeat(begun, np.diff(np.append(heads, len(stamps)))) + since
+    return np.repeat(begun, lengths) + since
 
 
 class _Clock:
@@ -212,7 +215,8 @@ class _Clock:
 
     def _stamped(self, timeout_ns: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return by stamps where each row begins and its verdict ends, in ns, and if unbroken."""
-        begins = progress(self._data.stamps_ns[self._order], self._data.times_ns[self._order])
+        columns = (self._data.stamps_ns, self._data.times_ns, self._data.episodes)
+        begins = progress(*(column[self._order] for column in columns))
         steps = np.diff(begins)
         # What follows the last row of an episode is never asked for.
         valid = np.minimum(np.append(steps, timeout_ns)[: len(begins)], timeout_ns)

@@ -151,6 +151,8 @@ class VerdictEvents:
             self._head = _Head(sample.stamp, 0)
         else:
             self._advance(last, sample)
+            if last.episode != sample.episode:
+                self._head = _Head(sample.stamp, self._position)
         self._row += 1
         self._last = sample
         present = dict(self._present(sample))

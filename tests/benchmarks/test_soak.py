@@ -7,6 +7,7 @@ import pytest
 pytest.importorskip('rclpy', reason="needs the extra 'ros'")
 
 
+@pytest.mark.slow
 def test_a_short_soak_counts_all_that_it_sent():
     from benchmarks.soak import run
 

@@ -119,6 +119,7 @@ def test_names_and_notes_are_text(occ, place):
     assert '&lt;img src=x' in page
 
 
+@pytest.mark.slow
 def test_a_training_and_an_evaluation(occ, place):
     pytest.importorskip('torch')
     line = 'train simple_nav --steps 1024 --robots 4 --set rollout_steps=128 --processes 1 -o run'

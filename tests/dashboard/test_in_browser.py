@@ -270,6 +270,7 @@ def luminance(colour):
     return sum(weight * part for weight, part in zip((0.2126, 0.7152, 0.0722), linear, strict=True))
 
 
+@pytest.mark.slow
 def test_a_page_that_is_left_open_does_not_grow(make_site, visit):
     # Ticks come ten times as fast as those of the node.
     site = make_site(seconds=0.02)

@@ -10,7 +10,7 @@ import time
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 from occ_constraints_pkg.documents import parse_yaml
@@ -238,6 +238,7 @@ def test_messages_of_a_directory_that_is_gone_are_not_called_kept(tmp_path, how)
         bag.close()
 
 
+@pytest.mark.slow
 def test_metadata_of_many_topics_is_written_in_linear_time(tmp_path):
     seconds = {}
     for count in (200, 1600):
@@ -259,6 +260,7 @@ PLAIN = st.recursive(
 
 
 @given(PLAIN)
+@example({'\x1f' * 300: [None, {'a' * 2000 + ' ': {'\n' * 600: 1}}]})
 def test_plain_yaml_comes_back(document):
     text = dump_plain(document)
     for reader in (parse_yaml, lambda text, _: yaml_1_1(text)):

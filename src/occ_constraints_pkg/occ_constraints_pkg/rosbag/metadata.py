@@ -75,6 +75,10 @@ def is_compressed_by_message(metadata: dict[str, Any], path: Path) -> bool:
     return mode == 'message'
 
 
+# YAML looks no further for the colon after a key that does not say that it is one.
+_LONGEST_KEY = 1000
+
+
 def dump_plain(document: Any) -> str:
     """Write mappings, lists, texts, whole numbers, booleans and None as YAML, as rosbag2 does.
 
@@ -87,11 +91,15 @@ def dump_plain(document: Any) -> str:
 def _lines(value: Any) -> Iterator[str]:
     if isinstance(value, Mapping) and value:
         for key, item in value.items():
+            name = _scalar(key)
+            if len(name) > _LONGEST_KEY:
+                yield f'? {name}'
+                name = ''
             if isinstance(item, Mapping | list | tuple) and item:
-                yield f'{_scalar(key)}:'
+                yield f'{name}:'
                 yield from ('  ' + line for line in _lines(item))
             else:
-                yield f'{_scalar(key)}: {_scalar(item)}'
+                yield f'{name}: {_scalar(item)}'
     elif isinstance(value, list | tuple) and value:
         for item in value:
             lead = '- '

@@ -157,6 +157,7 @@ def is_alive(process):
 
 
 @pytest.mark.timeout(900)
+@pytest.mark.slow
 def test_a_run_goes_on_after_its_runner_was_killed_as_if_nothing_had_been(tmp_path, start_runner):
     training = tmp_path / 'work' / CUT.folder / 'training'
 

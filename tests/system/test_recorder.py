@@ -75,7 +75,7 @@ def test_a_recorder_of_many_topics_loses_next_to_nothing(tmp_path, number):
     if number == signal.SIGKILL:
         assert ending.lost_seconds <= 0.5
         # It is written again for new topics, but not all the time.
-        assert listed >= 100
+        assert listed >= 20
     else:
         assert ending.lost == 0
         # On a busy machine too; a second is usual.
